@@ -292,8 +292,7 @@ impl Model<'_, '_> {
         {
             return Ok(Statement::For(target.text.to_owned(), list, body, place));
         }
-        // Otherwise loop over the number of the iteration, and assign the items to the targets at the beginning of each
-        // iteration.
+        // Otherwise loop over the number of the iteration, and assign the items to the targets at the beginning of each iteration.
         let list = self.named_list(list, &mut format!("(list {})", head.at));
         let turns = PyExpr::Call("range".to_owned(), vec![length_of(&list, head.range())], head.range());
         let mut turn = Vec::new();

@@ -45,8 +45,7 @@ fn items_of(e: &PyExpr) -> Option<&[PyExpr]> {
     }
 }
 
-/// The number of the curve or function that a call with resolved arguments makes, as a string constant; `None` for other
-/// calls.
+/// The number of the curve or function that a call with resolved arguments makes, as a string constant; `None` for other calls.
 pub(super) fn made(
     name: &str,
     args: &[PyExpr],

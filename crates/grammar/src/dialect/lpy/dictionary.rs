@@ -114,8 +114,7 @@ pub(super) fn dictionary_of(args: &[PyExpr], range: &Range<usize>) -> Result<PyE
     Ok(PyExpr::Call(DICTIONARY.to_owned(), pairs, range.clone()))
 }
 
-/// The dictionary after a change, from the resolved one before it and the resolved arguments; the only change is to set a
-/// value.
+/// The dictionary after a change, from the resolved one before it and the resolved arguments; the only change is to set a value.
 pub(super) fn changed(
     change: ListChange,
     before: &PyExpr,

@@ -146,8 +146,7 @@ pub(super) fn tested(e: PyExpr) -> PyExpr {
 }
 
 /// `a and b` or `a or b` as a choice of one of the operands, as in Python. `None` for other expressions; for truth values,
-/// for which the code of `&&` and `||` gives the same; and if an operand draws a random number, which a choice would draw
-/// twice.
+/// for which the code of `&&` and `||` gives the same; and if an operand draws a random number, which a choice would draw twice.
 /// choice would draw it twice.
 fn operand_choice(e: &PyExpr, scope: &Scope) -> Option<PyExpr> {
     let is_and = match e {

@@ -141,12 +141,10 @@ pub(super) const UNKNOWN: &str = "(changes)";
 /// Name of the call that represents a string composed at run time, `f"{x}"` or `str(x)`; no function can have it.
 pub(super) const JOINED_TEXT: &str = "(text)";
 
-/// Name of the call of a function that a variable or string holds, with the function and its argument; no function can have
-/// it.
+/// Name of the call of a function that a variable or string holds, with the function and its argument; no function can have it.
 pub(super) const APPLY: &str = "(apply)";
 
-/// Name of the call that represents an object, whose arguments are calls of its attributes with their values; no function
-/// can have it.
+/// Name of the call that represents an object, whose arguments are calls of its attributes with their values; no function can have it.
 pub(super) const OBJECT: &str = "(object)";
 
 /// Prefix in the name of the call that represents an attribute: `p.age` is `(.)age` of p.
@@ -187,8 +185,7 @@ pub(super) fn text_refusal(value: f64, range: Range<usize>) -> Refusal {
         .remedy("write the number without quotes; texts can be compared with == and !=, and handed on")
 }
 
-/// The number that represents a string: an integer above a million, exact in single precision, so that parameters can store
-/// it.
+/// The number that represents a string: an integer above a million, exact in single precision, so that parameters can store it.
 pub(super) fn text_number(text: &str) -> f64 {
     if text.is_empty() {
         return EMPTY;
@@ -296,8 +293,7 @@ pub(super) fn with_parts(e: &PyExpr, of: &dyn Fn(&PyExpr) -> PyExpr) -> PyExpr {
     }
 }
 
-/// The expression with names replaced by expressions; the variable of a comprehension `[.. for name in ..]` hides an equal
-/// name.
+/// The expression with names replaced by expressions; the variable of a comprehension `[.. for name in ..]` hides an equal name.
 pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
     let sub = |a: &PyExpr| substitute(a, names, values);
     match e {

@@ -181,8 +181,7 @@ impl Model<'_, '_> {
                 let value = of_model(&value, &params, &self.shared);
                 self.scope.functions.insert(name, (params, value));
             }
-            // A production that calls a function of statements runs these. A call of an unreadable function is refused
-            // there.
+            // A production that calls a function of statements runs these. A call of an unreadable function is refused there.
             None => {
                 self.scope.functions.remove(&name);
                 self.bodies.remove(&name);
@@ -214,8 +213,7 @@ impl Model<'_, '_> {
         self.bodies.contains_key(name) && !self.scope.functions.contains_key(name)
     }
 
-    /// Rereads functions that call a function of statements which is defined after them, now as functions of statements
-    /// themselves.
+    /// Rereads functions that call a function of statements which is defined after them, now as functions of statements themselves.
     pub(super) fn read_callers_again(&mut self, list: &[Line<'_>]) {
         let calls_body = |model: &Self, name: &str| {
             let value = model.scope.functions.get(name).map(|(_, value)| value);
@@ -268,8 +266,7 @@ impl Model<'_, '_> {
         self.add_own_function(rest.up_to(name.len()), OwnFunction { params, defaults, value })
     }
 
-    /// Adds a function of a production. All its calls refer to this definition, so that a second function of the same name
-    /// is refused.
+    /// Adds a function of a production. All its calls refer to this definition, so that a second function of the same name is refused.
     pub(super) fn add_own_function(&mut self, name: Piece<'_>, function: OwnFunction) -> Result<(), Refusal> {
         if self.own_functions.insert(name.text.to_owned(), function).is_none() {
             return Ok(());

@@ -133,8 +133,7 @@ impl Model<'_, '_> {
         }
         for (word, hides) in [("ignore", true), ("consider", false)] {
             if let Some(rest) = after_heading(piece, &[word]) {
-                // A later list replaces the earlier one for the productions after it, even if one is `ignore` and the other
-                // `consider`.
+                // A later list replaces the earlier one for the productions after it, even if one is `ignore` and the other `consider`.
                 if let Some((_, true)) = self.ignored_line {
                     self.given.remove(LIST);
                 }

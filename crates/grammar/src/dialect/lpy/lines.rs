@@ -114,8 +114,7 @@ pub(super) fn without_comments(text: &str) -> String {
             continue;
         }
         match b {
-            // Early versions set the width with `#`, so that an axiom may begin with it; read as a comment, it would leave
-            // no axiom.
+            // Early versions set the width with `#`, so that an axiom may begin with it; read as a comment, it would leave no axiom.
             b'#' if rest.starts_with(b"#(") && begins_axiom(&bytes[..i]) => out[i] = b'_',
             b'#' => {
                 let end = rest.iter().position(|c| matches!(c, b'\n' | b'\r')).unwrap_or(rest.len());

@@ -16,8 +16,7 @@ const MAX_ITEMS: f64 = 10_000.0;
 /// Limit on the items that `in` compares with, one after the other.
 const MAX_MEMBERS: usize = 64;
 
-/// An item of a list; a negative index counts from the end. An index that is not constant becomes a choice between the
-/// items.
+/// An item of a list; a negative index counts from the end. An index that is not constant becomes a choice between the items.
 pub(super) fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let n = f64::from(saturating_index(items.len()));
     if let Some(i) = constant_of(index, scope) {

@@ -144,8 +144,7 @@ impl Model<'_, '_> {
         now.left.push(Statement::Assign(last, end));
     }
 
-    /// Unrolls a loop over `range(end)` to its largest number of iterations, each within the condition that the loop reaches
-    /// it.
+    /// Unrolls a loop over `range(end)` to its largest number of iterations, each within the condition that the loop reaches it.
     fn bounded_loop(
         &mut self,
         name: &String,
@@ -175,8 +174,7 @@ impl Model<'_, '_> {
         now.left.append(&mut inner);
     }
 
-    /// The execution paths after the test of a `while` loop, in the order of trial. `turn`: number of iterations unrolled
-    /// before.
+    /// The execution paths after the test of a `while` loop, in the order of trial. `turn`: number of iterations unrolled before.
     pub(super) fn while_loop(
         &mut self,
         test: PyExpr,
@@ -199,8 +197,7 @@ impl Model<'_, '_> {
             if turn > MAX_KNOWN_TURNS {
                 return Err(Refusal::new("'while' with too many turns", place));
             }
-            // A `break` may end the loop on an unknown condition: each iteration then adds an execution path, as an unknown
-            // test would.
+            // A `break` may end the loop on an unknown condition: each iteration then adds an execution path, as an unknown test would.
             let conditions = now.way.steps.iter().filter(|s| matches!(s, Step::Condition(..))).count();
             if turn >= MAX_UNKNOWN && u32::try_from(conditions).is_ok_and(|n| n >= MAX_UNKNOWN) {
                 self.turns_left_out(place);

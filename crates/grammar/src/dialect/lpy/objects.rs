@@ -198,8 +198,7 @@ impl Model<'_, '_> {
                 }
             }
         }
-        // Collect the attributes set outside of `__init__`, because a change of an object that two modules share would
-        // affect both.
+        // Collect the attributes set outside of `__init__`, because a change of an object that two modules share would affect both.
         let targets = list.iter().filter_map(|line| attribute_target(line.piece));
         self.changed_attributes.extend(targets.filter(|t| t.object.text != "self").map(|t| t.field.to_owned()));
     }

@@ -74,8 +74,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += n;
         } else if c.is_alphabetic() || c == '_' {
             let n = rest.find(|d: char| !d.is_alphanumeric() && d != '_').unwrap_or(rest.len());
-            // Prefix of a string: an `f`, as in `f"{x}"`, makes it one composed at run time; other prefixes have no effect
-            // here.
+            // Prefix of a string: an `f`, as in `f"{x}"`, makes it one composed at run time; other prefixes have no effect here.
             let is_prefix =
                 n <= 2 && rest[..n].chars().all(|c| "fFrRbBuU".contains(c)) && rest[n..].starts_with(['"', '\'']);
             if is_prefix {
@@ -506,8 +505,7 @@ impl PyParser {
         Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
     }
 
-    /// Parses a number, string, name, call, list, dictionary or expression in parentheses, with the indices and coordinates
-    /// after it.
+    /// Parses a number, string, name, call, list, dictionary or expression in parentheses, with the indices and coordinates after it.
     fn atom(&mut self) -> Result<PyExpr, Refusal> {
         let Some(t) = self.tokens.get(self.i).cloned() else {
             return Err(Refusal::new("an unfinished expression", self.here()));

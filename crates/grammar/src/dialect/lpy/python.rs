@@ -292,8 +292,7 @@ impl Model<'_, '_> {
             self.initial.insert(name.to_owned(), value);
         }
         self.scope.constants.remove(name);
-        // A slot above 65,535 would be that of another value, but `Scope::slot` does not find such names, so that each use
-        // is refused.
+        // A slot above 65,535 would be that of another value, but `Scope::slot` does not find such names, so that each use is refused.
         let slot = self.scope.global(name);
         append_code(&mut self.start, &code.ops);
         self.start.push(Op::StoreGlobal(slot));

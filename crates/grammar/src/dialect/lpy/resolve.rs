@@ -43,8 +43,7 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     Ok(code)
 }
 
-/// Resolves an expression: inlines functions of the model, and replaces functions of Python by those of the grammar
-/// language.
+/// Resolves an expression: inlines functions of the model, and replaces functions of Python by those of the grammar language.
 pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr, Refusal> {
     let sub = |a: &PyExpr| resolve(a, scope, depth).map(Box::new);
     let number = |a: &PyExpr| resolve(a, scope, depth).and_then(as_number).map(Box::new);

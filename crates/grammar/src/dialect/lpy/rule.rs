@@ -210,8 +210,7 @@ impl Model<'_, '_> {
         }
         let ways = self.ways(&statements);
         let ways = self.settle(ways)?;
-        // If an execution path changes an object of the head but makes no modules, the old module would remain with the old
-        // object.
+        // If an execution path changes an object of the head but makes no modules, the old module would remain with the old object.
         let is_kept =
             |way: &&Way| !way.produced && self.rule_lists.iter().any(|(name, _)| way.changed_objects.contains(name));
         if let Some(way) = ways.iter().find(is_kept) {
@@ -382,8 +381,7 @@ impl Model<'_, '_> {
             let Some(value) = constant else {
                 return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
             };
-            // The constant gets a variable with a name that no model can contain, so that slots stay in the order of the
-            // parameters.
+            // The constant gets a variable with a name that no model can contain, so that slots stay in the order of the parameters.
             let hidden = format!("(parameter {})", self.scope.locals.len());
             self.scope.locals.push(hidden.clone());
             let own = Box::new(PyExpr::Name(hidden, p.range()));

@@ -65,8 +65,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Compiles a function that L-Py runs: assignments of numbers, and `if`. An unreadable value is refused where it is
-    /// used.
+    /// Compiles a function that L-Py runs: assignments of numbers, and `if`. An unreadable value is refused where it is used.
     fn run_function<'t>(&mut self, block: &[Line<'t>]) -> Result<Vec<Op>, Refusal> {
         let mut lines = Vec::new();
         let parts_of = |line: &Line<'t>| {
@@ -150,8 +149,7 @@ impl Model<'_, '_> {
                     }
                     ops.push(Op::StoreGlobal(self.scope.global(name)));
                 }
-                // Emit test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code
-                // in between.
+                // Emit test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code in between.
                 Statement::If(tests, other) => {
                     let mut ends = Vec::new();
                     for (test, then) in tests {
@@ -265,8 +263,7 @@ impl Model<'_, '_> {
         is_other
     }
 
-    /// Sets the direction in which all steps rewrite: `backward()` or `forward()`. `is_nested`: the call depends on a
-    /// condition.
+    /// Sets the direction in which all steps rewrite: `backward()` or `forward()`. `is_nested`: the call depends on a condition.
     fn direction(&mut self, is_backward: bool, range: Range<usize>, is_nested: bool) -> Result<(), Refusal> {
         if is_nested || self.direction.is_some_and(|d| d != is_backward) {
             let why = Refusal::new("a direction of rewriting that changes between the steps", range);

@@ -15,8 +15,7 @@ use super::refusal::Refusal;
 use crate::code::{Bytecode, CalledFunction, Op};
 use crate::token::SourcePlace;
 
-/// Prefix in the name of a call of a function's code. It contains a blank, so that no function of a model can have such a
-/// name.
+/// Prefix in the name of a call of a function's code. It contains a blank, so that no function of a model can have such a name.
 pub(super) const RUN: &str = "run ";
 
 /// A function that is compiled to code.

@@ -99,8 +99,7 @@ fn change_refusal(name: &str, why: &str, place: Range<usize>, remedy: &'static s
 const COPY: &str = "make a copy under another name and change that one: p = list(q)";
 
 impl Model<'_, '_> {
-    /// The lists that an assignment shares. Refuses a change of a list that was not made on this execution path, or that has
-    /// two names.
+    /// The lists that an assignment shares. Refuses a change of a list that was not made on this execution path, or that has two names.
     pub(super) fn handed_on(&self, statement: &Statement, way: &Way) -> Result<HandedOn, Refusal> {
         self.check_objects(statement, way)?;
         let Statement::Assign(name, e) = statement else { return Ok(HandedOn::default()) };

@@ -121,8 +121,7 @@ pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
             Statement::If(tests, all(other))
         }
         Statement::For(own, list, body, place) => {
-            // Lists of loops must be constant and need the number now; elsewhere the variable is read as assigned for this
-            // iteration.
+            // Lists of loops must be constant and need the number now; elsewhere the variable is read as assigned for this iteration.
             let list = substitute(list, std::slice::from_ref(name), &[PyExpr::Number(value)]);
             Statement::For(own.clone(), list, all(body), place.clone())
         }

@@ -171,8 +171,7 @@ pub(super) fn compared(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
     Some(if op == PyOp::Ne { PyExpr::Not(Box::new(all)) } else { all })
 }
 
-/// A choice between two resolved vectors as a vector of choices, if its test draws no random numbers; `None` for other
-/// choices.
+/// A choice between two resolved vectors as a vector of choices, if its test draws no random numbers; `None` for other choices.
 pub(super) fn chosen(test: &PyExpr, then: &PyExpr, other: &PyExpr, scope: &Scope) -> Option<PyExpr> {
     let (a, b) = (coordinates_of(then)?, coordinates_of(other)?);
     if a.len() != b.len() || has_random(test, scope) {
