@@ -34,8 +34,7 @@ impl Dialect {
     }
 }
 
-/// Numeric settings after the turtle's name, as in `turtle: lparser angle = 20 thickness = 30`; percentages are stored as
-/// fractions.
+/// Numeric settings after the turtle's name, as in `turtle: lparser angle = 20 thickness = 30`; percentages are stored as fractions.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DialectSettings {
     /// Angle of rotation commands without a parameter, degrees.

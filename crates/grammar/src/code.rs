@@ -112,7 +112,7 @@ pub(crate) enum Op {
     /// Pops this number of pairs (value, share); pushes one of the values, drawn in proportion to the shares.
     Choose(usize),
     Srand,
-    /// Pushes a bound of the last interpretation: least x, y, z, then greatest x, y, z.
+    /// Pushes a bound of the last drawing: smallest x, y, z, then largest x, y, z.
     Bounds(u8),
     /// Looks up a table; the index into [`Bytecode::places`] is for the warning about a missing table.
     Table(TableFunction, usize),
@@ -157,8 +157,7 @@ pub(crate) struct Bytecode {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct CalledFunction {
     pub parameters: usize,
-    /// An expression that leaves its value on the stack; the indices of its [`Op::Call`]s refer to the functions of the
-    /// calling code.
+    /// An expression that leaves its value on the stack; the indices of its [`Op::Call`]s refer to the functions of the calling code.
     pub code: Bytecode,
     pub place: SourcePlace,
 }
@@ -171,8 +170,7 @@ pub(crate) struct ArrayShape {
     pub sizes: Vec<u32>,
 }
 
-/// An access to an array element: the array, and the place in the source for messages. The indices lie on the stack at run
-/// time.
+/// An access to an array element: the array, and the place in the source for messages. The indices lie on the stack at run time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ElementAccess {
     pub shape: ArrayShape,

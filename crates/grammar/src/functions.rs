@@ -148,8 +148,7 @@ impl DataFunction {
         Self { spline, is_graph: true, ..Self::default() }
     }
 
-    /// y at the parameter where the spline's abscissa equals `x`, which is clamped to 0..1, or to the ends of a graph. NaN
-    /// counts as 0.
+    /// y at the parameter where the spline's abscissa equals `x`, which is clamped to 0..1, or to the ends of a graph. NaN counts as 0.
     pub fn value(&self, x: f64) -> f64 {
         if self.is_graph {
             return self.solve(if x.is_nan() { 0.0 } else { x });
@@ -164,8 +163,7 @@ impl DataFunction {
     }
 
     fn solve(&self, x: f64) -> f64 {
-        // At and beyond the ends of the domain return the end points: bisection only approximates them where the spline is
-        // vertical.
+        // At and beyond the ends of the domain return the end points: bisection only approximates them where the spline is vertical.
         for end in [0.0, 1.0] {
             let p = self.spline.at(end);
             if (p[0] - x) * (1.0 - 2.0 * end) >= 0.0 {

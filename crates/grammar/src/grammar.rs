@@ -1,4 +1,4 @@
-//! A compiled grammar, and how errors met while deriving it are reported.
+//! A compiled grammar, and how errors of its derivation are reported.
 
 use std::sync::Arc;
 
@@ -109,8 +109,7 @@ impl Grammar {
         &self.program.symbols
     }
 
-    /// Organs of the grammar, in order of their characters: symbols that follow a `~`, and letters that `bind` names as
-    /// organs.
+    /// Organs of the grammar, in order of their characters: symbols that follow a `~`, and letters that `bind` names as organs.
     pub fn organ_symbols(&self) -> Vec<char> {
         let successors = self.program.productions().map(|p| &p.successor).chain([&self.program.axiom]);
         let symbol = |id| self.program.symbols.get(id);
@@ -167,8 +166,7 @@ impl Grammar {
 
     /// Adds a label for each macro use that led to `place`, at most four.
     pub(crate) fn with_macro_chain(&self, mut d: Diagnostic, place: SourcePlace) -> Diagnostic {
-        // Origins are one-based indices of macro uses. Each use has an origin itself; the chain ends at a use written
-        // outside macros.
+        // Origins are one-based indices of macro uses. Each use has an origin itself; the chain ends at a use written outside macros.
         let mut at = place;
         for _ in 0..4 {
             let Some((name, used_at)) = (at.origin as usize).checked_sub(1).and_then(|i| self.expansions.get(i)) else {

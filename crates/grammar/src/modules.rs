@@ -69,8 +69,7 @@ pub(crate) struct ModuleBlock<'a> {
     pub symbols: &'a [SymbolId],
     /// Per module: end index of its parameters, relative to the first parameter of the block.
     pub ends: &'a [u32],
-    /// Index in the string of the block's first parameter, modulo 2^32, as it wraps when the block leaves out earlier
-    /// modules.
+    /// Index in the string of the block's first parameter, modulo 2^32, as it wraps when the block leaves out earlier modules.
     pub first_param: u32,
 }
 
@@ -198,8 +197,7 @@ impl ModuleString {
         &mut self.params
     }
 
-    /// Appends modules whose parameters, from index `block.first_param` on, were appended before. `lineages`: one for each
-    /// module.
+    /// Appends modules whose parameters, from index `block.first_param` on, were appended before. `lineages`: one for each module.
     #[inline]
     pub(crate) fn finish_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
         if self.prepare_ends() {

@@ -57,8 +57,7 @@ pub(crate) enum TokenKind {
 pub(crate) struct Token {
     pub kind: TokenKind,
     pub place: SourcePlace,
-    /// True if no blank separates it from the token before it and both come from the same text, so that they may form one
-    /// operator.
+    /// True if no blank separates it from the token before it and both come from the same text, so that they may form one operator.
     pub glued: bool,
 }
 

@@ -329,8 +329,7 @@ impl Vm {
     fn run_code(&mut self, code: &Bytecode, locals: &mut [f64], functions: &[CalledFunction]) -> Result<f64, Halt> {
         let mut pc = 0_usize;
         let mut iterations = 0_u64;
-        // Decided results of `&&` and `||` whose right side is still computed (with cpfg's random numbers), and where that
-        // side ends.
+        // Decided results of `&&` and `||` whose right side is still computed (with cpfg's random numbers), and where that side ends.
         let mut decided: Vec<(usize, f64)> = Vec::new();
         loop {
             while let Some((_, value)) = decided.pop_if(|d| d.0 == pc) {
@@ -378,8 +377,7 @@ impl Vm {
                     }
                     self.stack.push(v);
                 }
-                // Control flow. `&&` and `||` leave their result on the stack, and skip the right side if the left one
-                // decides.
+                // Control flow. `&&` and `||` leave their result on the stack, and skip the right side if the left one decides.
                 Op::Jump(t) => {
                     // A jump back begins the next iteration of a loop.
                     iterations += u64::from(t < pc);
@@ -597,8 +595,7 @@ fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
         return 0.0;
     }
     let (x, y) = (log_gamma_variate(stream, a), log_gamma_variate(stream, b));
-    // X / (X + Y) = 1 / (1 + exp(log Y - log X)): logarithms keep gamma variates of small shapes distinct that underflow to
-    // 0.
+    // X / (X + Y) = 1 / (1 + exp(log Y - log X)): logarithms keep gamma variates of small shapes distinct that underflow to 0.
     1.0 / (1.0 + math::exp(y - x))
 }
 

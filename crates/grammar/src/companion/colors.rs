@@ -100,8 +100,7 @@ pub struct ColorTable {
 }
 
 impl Default for ColorTable {
-    /// Sixteen colours, repeated: index i has the colour of i modulo 16, from brown (0) over greens, yellow and red to black
-    /// (15).
+    /// Sixteen colours, repeated: index i has the colour of i modulo 16, from brown (0) over greens, yellow and red to black (15).
     fn default() -> Self {
         Self { colors: PALETTE.iter().cycle().take(COUNT).map(|c| plain(*c)).collect() }
     }
@@ -131,8 +130,7 @@ impl ColorTable {
         }
     }
 
-    /// Reads a colour map: 256 times red, green and blue as sRGB bytes. A shorter map keeps the default colours of the other
-    /// indices.
+    /// Reads a colour map: 256 times red, green and blue as sRGB bytes. A shorter map keeps the default colours of the other indices.
     /// # Errors
     /// A message if the bytes are not a colour map.
     pub fn from_map(bytes: &[u8]) -> Result<Self, String> {
@@ -147,8 +145,7 @@ impl ColorTable {
         Ok(table)
     }
 
-    /// Reads a material file: records of 15 bytes, each of which begins with its index. The diffuse colour becomes the base
-    /// colour.
+    /// Reads a material file: records of 15 bytes, each of which begins with its index. The diffuse colour becomes the base colour.
     /// # Errors
     /// A message if the bytes are not a material file.
     pub fn from_mat(bytes: &[u8]) -> Result<Self, String> {

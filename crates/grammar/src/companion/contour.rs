@@ -21,16 +21,14 @@ pub struct ContourFile {
 }
 
 impl ContourFile {
-    /// The cubic B-spline of the points, with uniform knots. An open spline ends before its outermost points unless these
-    /// are repeated.
+    /// The cubic B-spline of the points, with uniform knots. An open spline ends before its outermost points unless these are repeated.
     pub fn spline(&self) -> Spline {
         Spline::new(&self.points, if self.closed { SplineEnds::Closed } else { SplineEnds::Open })
     }
 }
 
 /// Reads a contour or a set of contours in any version of the format: `cver`, `version:`, sets, and the older form whose
-/// first line has the number of points, their dimension and `open` or `closed`. Returns the readable contours, with L048 for
-/// the rest.
+/// first line has the number of points, their dimension and `open` or `closed`. Returns the readable contours, with L048 for the rest.
 pub fn read_contours(text: &str, source: SourceId) -> (Vec<ContourFile>, Vec<Diagnostic>) {
     let mut reader = Reader::new(text, source);
     let mut contours = Vec::new();
@@ -80,8 +78,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<ContourFile> {
                 contour.points = rows(reader, count, 3)?;
                 return Some(contour);
             }
-            // Further properties of either version are skipped: items, samples, contact point, heading, up, size, range and
-            // others.
+            // Further properties of either version are skipped: items, samples, contact point, heading, up, size, range and others.
             text if text.ends_with(':') || text == "cver" => {
                 reader.take_line();
             }

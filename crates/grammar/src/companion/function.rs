@@ -4,8 +4,7 @@ use super::words::Reader;
 use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
-/// Upper limit on the points of a function, counted with multiplicity, and on the functions of a set: larger files are
-/// damaged.
+/// Upper limit on the points of a function, counted with multiplicity, and on the functions of a set: larger files are damaged.
 const MAX_POINTS: usize = 4096;
 const MAX_FUNCTIONS: usize = 256;
 /// Upper limit on samples times points of a function, since each sample searches all points.

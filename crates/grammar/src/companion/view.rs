@@ -11,8 +11,7 @@ use osier_base::files::{Encoding, decode};
 const MAX_FILES: usize = 256;
 /// Levels of `#include` in a view; deeper ones are L048.
 const MAX_DEPTH: usize = 32;
-/// Upper limits: bytes of a view with its includes; and for one line, the number of macro replacements and the bytes they
-/// produce.
+/// Upper limits: bytes of a view with its includes; and for one line, the number of macro replacements and the bytes they produce.
 const MAX_BYTES: usize = 1 << 24;
 const MAX_REPLACEMENTS: usize = 1000;
 const MAX_EXPANDED: usize = 1 << 16;

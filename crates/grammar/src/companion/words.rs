@@ -88,8 +88,7 @@ impl<'a> Reader<'a> {
         line
     }
 
-    /// The multiplicity of a point, optional at the end of its line: the next word if it is on `line` and a whole number,
-    /// else 1.
+    /// The multiplicity of a point, optional at the end of its line: the next word if it is on `line` and a whole number, else 1.
     pub fn multiplicity(&mut self, line: Option<usize>) -> usize {
         let same_line = self.peek().filter(|w| Some(w.line) == line);
         let times = same_line.and_then(|w| w.count());

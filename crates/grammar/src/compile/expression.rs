@@ -211,8 +211,7 @@ impl ExpressionCompiler<'_, '_> {
         match t.kind {
             TokenKind::Number(n) => {
                 let text = self.compiler.session.names.get(n).to_owned();
-                // The lexer accepts valid number literals only, so that parsing cannot fail; too large numbers become
-                // infinity.
+                // The lexer accepts valid number literals only, so that parsing cannot fail; too large numbers become infinity.
                 let value: f64 = text.parse().unwrap_or(f64::INFINITY);
                 if !value.is_finite() {
                     let message = format!("number {text} is out of range");
@@ -407,8 +406,7 @@ impl ExpressionCompiler<'_, '_> {
                 Some(PendingOperator::Unary(op)) => self.emit_unary(op),
                 Some(PendingOperator::Binary(op, _, place)) => self.emit_binary(op, place),
                 Some(PendingOperator::Short(jump, _)) => {
-                    // The right side of `&&` or `||` is complete: convert its value to 0 or 1, and let the jump lead after
-                    // it.
+                    // The right side of `&&` or `||` is complete: convert its value to 0 or 1, and let the jump lead after it.
                     self.code.ops.push(Op::Bool);
                     self.patch_jump(jump);
                 }

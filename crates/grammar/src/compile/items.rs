@@ -577,8 +577,7 @@ impl ItemParser<'_> {
         tokens.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
-    /// The constant value of an item as an integer: L008 if a fraction was truncated, L001 if the value is missing or not
-    /// constant.
+    /// The constant value of an item as an integer: L008 if a fraction was truncated, L001 if the value is missing or not constant.
     fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
             let help = "write the number behind the colon";
@@ -709,8 +708,7 @@ impl ItemParser<'_> {
         matches!(token.map(|t| t.kind), Some(TokenKind::Ident(n)) if self.session.names.get(n) == word)
     }
 
-    /// The item that corresponds to an item of another notation at the start of a line: `angle: 25`, `angle = 25`, `angle
-    /// 25`.
+    /// The item that corresponds to an item of another notation at the start of a line: `angle: 25`, `angle = 25`, `angle 25`.
     fn foreign_item(&self, line: &LogicalLine) -> Option<&'static str> {
         let [first, sign, ..] = &line.tokens[..] else { return None };
         let TokenKind::Ident(n) = first.kind else { return None };

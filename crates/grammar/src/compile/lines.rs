@@ -120,8 +120,7 @@ pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, u
     let next = tokens.get(n);
     // `bind` is followed by any symbol and then a colon.
     let colon_optional = colon_optional || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
-    // Other keywords need a colon or a brace after them, or a line of their own, so that symbols may be spelled like
-    // keywords.
+    // Other keywords need a colon or a brace after them, or a line of their own, so that symbols may be spelled like keywords.
     let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || colon_optional || next.is_none();
     fits.then_some((k, n))
 }
@@ -194,8 +193,7 @@ impl LineSplitter<'_> {
         let next = self.next_line();
         let next_is_rule = (0..next.len()).any(|i| is_arrow(next, i));
         if self.braces > 0 {
-            // Recover from an unclosed block at the next item, and from an unclosed polygon of the axiom also at the next
-            // production.
+            // Recover from an unclosed block at the next item, and from an unclosed polygon of the axiom also at the next production.
             let ends = keyword(&self.session.names, next).is_some();
             return if self.lists_symbols(&self.current) { ends || next_is_rule } else { !indented && ends };
         }

@@ -162,8 +162,7 @@ impl HeadCompiler<'_, '_, '_> {
         None
     }
 
-    /// Compiles the strict predecessor. Brackets among its modules are matched literally; a predecessor of brackets alone is
-    /// an error.
+    /// Compiles the strict predecessor. Brackets among its modules are matched literally; a predecessor of brackets alone is an error.
     fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<FormalModule>> {
         let elements = self.context_elements(tokens)?;
         let bracket = elements.iter().find(|(e, _)| !matches!(e, ContextElement::Module(_))).map(|(_, place)| *place);
@@ -306,8 +305,7 @@ impl HeadCompiler<'_, '_, '_> {
     }
 }
 
-/// Warns about brackets and braces that a successor or the axiom (`what`, at `place`) opens but does not close. `end`: its
-/// last token.
+/// Warns about brackets and braces that a successor or the axiom (`what`, at `place`) opens but does not close. `end`: its last token.
 pub fn check_balance(
     session: &mut ParseSession,
     successor: &[SuccessorModule],

@@ -90,8 +90,7 @@ impl ModuleSink for ModuleString {
             return ControlFlow::Continue(());
         }
         let params = block.param_range(range.start).start..block.param_range(range.end - 1).end;
-        // `ends` are indices into all parameters of the block, but only those of `range` are copied, so that the offset may
-        // wrap.
+        // `ends` are indices into all parameters of the block, but only those of `range` are copied, so that the offset may wrap.
         let first_param = saturating_index(self.param_count()).wrapping_sub(saturating_index(params.start));
         self.params_mut().extend_from_slice(&block.params[params]);
         let part =
@@ -269,8 +268,7 @@ pub(super) struct DepthFirst<'p> {
 }
 
 impl<'p> DepthFirst<'p> {
-    /// Prepares the derivation of `program` from the axiom `modules`. `globals`: global variables in each step, if blocks
-    /// change them.
+    /// Prepares the derivation of `program` from the axiom `modules`. `globals`: global variables in each step, if blocks change them.
     pub fn new(
         job: DepthFirstJob<'p>,
         program: &'p Program,

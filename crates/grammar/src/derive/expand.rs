@@ -108,8 +108,7 @@ impl<'p> Expander<'p> {
         self.applied
     }
 
-    /// Expands a successor, which replaces the modules `replaced` of the string, into `sink`; contexts are matched in the
-    /// string.
+    /// Expands a successor, which replaces the modules `replaced` of the string, into `sink`; contexts are matched in the string.
     pub fn expand_successor(
         &mut self,
         successor: &ModuleString,
@@ -120,8 +119,7 @@ impl<'p> Expander<'p> {
         if self.rewriter.settings.plan.set.depth == 0 {
             return if successor.iter().all(sink) { Ok(()) } else { Err(Halt::Modules) };
         }
-        // Begin with depth 1 instead of 0, so that predecessors of several modules are matched within the successor, not the
-        // string.
+        // Begin with depth 1 instead of 0, so that predecessors of several modules are matched within the successor, not the string.
         self.stack.clear();
         self.stack.push_reversed(successor, 1);
         self.expand_stack(view, replaced, 1, sink)?;
@@ -197,8 +195,7 @@ impl<'p> Expander<'p> {
                 return Err(Halt::Modules);
             };
             let source = self.rewriter.planned(p).source;
-            // A predecessor of several modules also consumes modules after the first, from the string or from the same
-            // successor.
+            // A predecessor of several modules also consumes modules after the first, from the string or from the same successor.
             if depth == 0 {
                 taken = source.predecessor.len();
             } else {

@@ -258,8 +258,7 @@ impl Derivation<'_> {
         let mut passes = bounds.last_step;
         let mut counts = DerivationCounts::default();
         while passes > fits + 1 {
-            // Double the number of steps, but limit it to the step predicted from the growth so far, and to the open
-            // interval.
+            // Double the number of steps, but limit it to the step predicted from the growth so far, and to the open interval.
             let expected = counts.step_beyond(bounds.max_modules, fits);
             let last_step = (fits * 2).max(1).min(expected.unwrap_or(u32::MAX)).clamp(fits + 1, passes - 1);
             let probe = DerivationBounds { last_step, ..bounds };
@@ -306,8 +305,7 @@ impl DerivedString {
         self.count
     }
 
-    /// Passes the modules of the final string to `sink`, in order, until it breaks. A deferred derivation runs again for
-    /// this.
+    /// Passes the modules of the final string to `sink`, in order, until it breaks. A deferred derivation runs again for this.
     /// # Errors
     /// `Input` with L051 beyond a limit.
     pub(crate) fn for_each(

@@ -56,8 +56,7 @@ pub fn derive_part(grammar: &Grammar, options: &DeriveOptions, part: f64, limits
     Ok(derived)
 }
 
-/// The origin of each module of `after`. Both strings are in the order of derivation, so that the search moves only forward
-/// in both.
+/// The origin of each module of `after`. Both strings are in the order of derivation, so that the search moves only forward in both.
 fn origins(grammar: &Grammar, before: &ModuleString, after: &ModuleString) -> Vec<Origin> {
     let mut search = OriginSearch { grammar, before, at: 0, occurrences: Vec::new() };
     let mut unknown = 0;
@@ -80,8 +79,7 @@ struct OriginSearch<'a> {
 }
 
 impl OriginSearch<'_> {
-    /// The origin of the next module, recognised by its lineage: that of a made module follows from the lineage of its
-    /// parent.
+    /// The origin of the next module, recognised by its lineage: that of a made module follows from the lineage of its parent.
     fn origin(&mut self, m: Module<'_>) -> Origin {
         let code = u64::from(u32::from(self.grammar.symbols().get(m.symbol)));
         let lineage = m.lineage();

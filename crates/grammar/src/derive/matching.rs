@@ -194,8 +194,7 @@ impl ContextView<'_> {
     /// True if the left context precedes module `at`. The search skips closed branches; from within a branch it continues on
     /// the axis that carries the branch.
     pub fn matches_left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
-        // In a ring positions start in a second turn and count down, so that they stay positive until module `at` is reached
-        // again.
+        // In a ring positions start in a second turn and count down, so that they stay positive until module `at` is reached again.
         let (mut i, least) = if self.is_ring { (at + self.modules.len(), at) } else { (at, 0) };
         // The context is matched from its last module, the neighbour, outwards.
         let mut wanted = context.iter().rev();
@@ -272,8 +271,7 @@ impl ContextView<'_> {
         }
     }
 
-    /// Position of the bracket that closes the branch. Before it only further branches may follow, or any modules if `rest`
-    /// is true.
+    /// Position of the bracket that closes the branch. Before it only further branches may follow, or any modules if `rest` is true.
     fn end_of_branch(&self, brackets: Brackets, from: usize, end: usize, rest: bool) -> Option<usize> {
         let mut i = from;
         loop {

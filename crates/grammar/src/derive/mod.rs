@@ -109,14 +109,14 @@ pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Re
 /// Derives a grammar without storing its string if its modules are rewritten independently of each other: only counts the
 /// modules, and [`interpret`] derives them again while it draws.
 /// # Errors
-/// Those of [`derive()`].
+/// Errors of [`derive()`].
 pub fn derive_deferred(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
     derive_with(grammar, options, limits, Storage::Deferred, None)
 }
 
 /// Derives the string of a grammar as text, parameters with six digits; [`DerivedString::into_text`] returns it.
 /// # Errors
-/// Those of [`derive()`].
+/// Errors of [`derive()`].
 pub fn derive_text(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
     derive_with(grammar, options, limits, Storage::Text, None)
 }
@@ -251,8 +251,7 @@ impl<'g> Derivation<'g> {
             self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
             let has_cut = self.cut_symbol.is_some_and(|cut| self.remove_cut_branches(cut));
-            // Limit the time of the derivation by the sum of string lengths over the steps, because strings may shrink
-            // again.
+            // Limit the time of the derivation by the sum of string lengths over the steps, because strings may shrink again.
             self.work = self.work.saturating_add(self.string.len() as u64);
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
@@ -266,8 +265,7 @@ impl<'g> Derivation<'g> {
             self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
-            // First of the steps without change since the last change, for the warning L054. Steps that cut branches count
-            // as a change.
+            // First of the steps without change since the last change, for the warning L054. Steps that cut branches count as a change.
             self.unchanged_since = match (changed, has_cut) {
                 (true, _) => None,
                 (false, true) => Some(step + 1),
@@ -315,8 +313,7 @@ impl<'g> Derivation<'g> {
                 let value = self.vm.eval(arg, &mut [])?;
                 self.string.push_param(narrow(value));
             }
-            // Lineages of the axiom are derived from the plant number, not from its seed: equal plants of two seeds share
-            // lineages.
+            // Lineages of the axiom are derived from the plant number, not from its seed: equal plants of two seeds share lineages.
             let symbol = u64::from(u32::from(self.program.symbols.get(t.symbol)));
             let plant = u64::from(self.vm.streams.plant_id());
             // The second number is that of the L-system: 0 for the main one.

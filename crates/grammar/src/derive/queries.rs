@@ -1,5 +1,4 @@
-//! Queries: `?P`, `?H`, `?L`, `?U` and `?Q` return the turtle's position and orientation; variables hold the bounds of the
-//! drawing.
+//! Queries: `?P`, `?H`, `?L`, `?U` and `?Q` return the turtle's position and orientation; variables hold the bounds of the drawing.
 
 use super::{Derivation, DeriveOptions, DerivedString, Storage, derive_with};
 use crate::code::{Bytecode, Op};

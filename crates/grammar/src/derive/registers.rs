@@ -4,8 +4,7 @@
 use crate::code::{BinaryOp, Bytecode, Expr, Op, UnaryOp, is_zero, truth};
 use crate::vm::Vm;
 
-/// Number of registers of a production; expressions that need more remain code. A power of two, so that masked indices are
-/// in range.
+/// Number of registers of a production; expressions that need more remain code. A power of two, so that masked indices are in range.
 const REGISTERS: usize = 128;
 
 /// The registers that an operation can address: the fixed-size start of a [`RegisterFile`].
@@ -281,8 +280,7 @@ impl RegisterCompiler {
         Some(r)
     }
 
-    /// The register of an operation's result: a constant if its operands are constant, or the register of an equal
-    /// operation.
+    /// The register of an operation's result: a constant if its operands are constant, or the register of an equal operation.
     fn operation(&mut self, action: Action, a: Register, b: Register) -> Option<Register> {
         let (ia, ib) = (usize::from(a), usize::from(b));
         if self.is_constant[ia]

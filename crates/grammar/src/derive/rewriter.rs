@@ -10,8 +10,7 @@ use osier_base::convert::{saturating_index, to_usize};
 use osier_base::math::narrow;
 use osier_base::rng::{self, Rng};
 
-/// Draw number of the choice, u64::MAX: statements number their draws from 0 and weights from 2^32, so that they never reach
-/// it.
+/// Draw number of the choice, u64::MAX: statements number their draws from 0 and weights from 2^32, so that they never reach it.
 const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
 
 /// The streams from which the choices of productions are drawn in one step. The part of the address that all modules share

@@ -61,8 +61,7 @@ impl<'g> Derivation<'g> {
         }
         // Rewrite in one pass if the grammar is serial, that is, one module affects the next (global variables, predecessors
         // of several modules); for short strings and on a single thread, where parallel blocks do not pay; and if the limit
-        // on bytes could end the step, because one pass detects that in time, while blocks need extra memory until they are
-        // joined.
+        // on bytes could end the step, because one pass detects that in time, while blocks need extra memory until they are joined.
         let may_pass = self.largest_result().saturating_mul(2) > budget.bytes;
         let in_one_pass = self.program.is_serial() || may_pass || n <= BLOCK_MODULES || par::threads() == 1;
         if !in_one_pass {

@@ -159,8 +159,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
             run.rewriter.begin_step(step, &[]);
             return Err(if run.counts.modules > job.max_modules { Halt::Modules } else { Halt::Work });
         }
-        // Open the block that the production made, with the choices for its modules; or close this block after its last
-        // module.
+        // Open the block that the production made, with the choices for its modules; or close this block after its last module.
         match opened {
             Some(DrawnProduction { lineage: parent, production }) => {
                 let production = to_usize(production);

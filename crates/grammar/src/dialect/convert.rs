@@ -1,5 +1,4 @@
-//! Writes a grammar of another program in the notation of cpfg, or in osier's own notation with the turtle dialect of that
-//! program.
+//! Writes a grammar of another program in the notation of cpfg, or in osier's own notation with the turtle dialect of that program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -134,8 +133,7 @@ impl<'g> Writer<'g> {
         std::iter::once(&program.axiom).chain(successors).any(|list| list.iter().any(|m| self.c(m.symbol) == '['))
     }
 
-    /// True if the strings of an L-Py model with an interpretation may contain a `%`, after which the interpretation draws
-    /// nothing.
+    /// True if the strings of an L-Py model with an interpretation may contain a `%`, after which the interpretation draws nothing.
     fn interprets_cuts(&self) -> bool {
         let program = &self.grammar.program;
         let made = program.rules.list.iter().chain(&program.decomposition.list).map(|p| &p.successor);
@@ -367,8 +365,7 @@ impl<'g> Writer<'g> {
         found
     }
 
-    /// The spelling of a command for the turtle dialect of the other program: its own character, unless the notation
-    /// reserves it.
+    /// The spelling of a command for the turtle dialect of the other program: its own character, unless the notation reserves it.
     fn osier_name(&mut self, symbol: SymbolId) -> Option<String> {
         let c = self.c(symbol);
         // Replace reserved characters by those that the turtle dialect accepts instead.
@@ -694,8 +691,7 @@ impl<'g> Writer<'g> {
         format!("{head} --> {successor}").trim_end().to_owned()
     }
 
-    /// A production up to its arrow. `at`: replacement letter of the predecessor, and the level below which the production
-    /// applies.
+    /// A production up to its arrow. `at`: replacement letter of the predecessor, and the level below which the production applies.
     fn production_head(&mut self, p: &Production, at: Option<(&str, u32)>) -> String {
         let mut out = String::new();
         if let Some(ContextElement::Module(f)) = p.new_left.first().or(p.new_right.first()) {

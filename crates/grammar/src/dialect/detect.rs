@@ -112,8 +112,7 @@ fn is_lpy(text: &str, has_ending: bool) -> bool {
     heading && (axiom || has_ending || python) || axiom && python || has_ending && axiom
 }
 
-/// True for keywords of LParser; or for three lines that begin with a number, then an axiom, and a rule or a line that
-/// begins with `@`.
+/// True for keywords of LParser; or for three lines that begin with a number, then an axiom, and a rule or a line that begins with `@`.
 fn is_lparser(text: &str) -> bool {
     let code = || lines(text).map(|l| l.before('#').trimmed()).filter(|l| !l.text.is_empty());
     let keyword = |l: &Piece<'_>, words: &[&str]| {

@@ -389,8 +389,7 @@ impl System<'_, '_> {
         }
     }
 
-    /// The symbol of a character. A comma has no meaning in Fractint, but decrements the colour in grammars with `turtle:
-    /// fractint`.
+    /// The symbol of a character. A comma has no meaning in Fractint, but decrements the colour in grammars with `turtle: fractint`.
     fn symbol(&mut self, c: char) -> char {
         if c == ',' { self.reader.program.symbols.private_character(",").unwrap_or('_') } else { c }
     }

@@ -1,7 +1,6 @@
 //! Reads files of LParser, both without keywords ("bare lines") and with them.
 //!
-//! Rewriting acts on characters, including those of numbers: every character is a symbol, and the turtle interprets the
-//! numbers.
+//! Rewriting acts on characters, including those of numbers: every character is a symbol, and the turtle interprets the numbers.
 
 use super::Reader;
 use super::text::{Piece, lines};
@@ -291,8 +290,7 @@ impl<'t> File<'_, '_, 't> {
         for (at, c) in chars {
             in_number = c == '(' || (in_number && c != ')');
             let place = self.reader.place(at..at + c.len_utf8());
-            // A character that is neither a command nor has a rule draws nothing: replace it by `_`. A number may contain an
-            // exponent.
+            // A character that is neither a command nor has a rule draws nothing: replace it by `_`. A number may contain an exponent.
             let is_exponent = in_number && matches!(c, 'e' | 'E');
             let is_known = is_exponent || COMMANDS.contains(c) || self.ruled.contains(&c);
             out.extend(self.reader.module(if is_known { c } else { '_' }, place));

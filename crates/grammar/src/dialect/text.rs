@@ -69,8 +69,7 @@ impl<'t> Piece<'t> {
         self.at..self.at + self.text.len()
     }
 
-    /// Splits after the first word, which ends at whitespace or one of `ends`; the rest is trimmed, but keeps a character of
-    /// `ends`.
+    /// Splits after the first word, which ends at whitespace or one of `ends`; the rest is trimmed, but keeps a character of `ends`.
     pub fn first_word(self, ends: &[char]) -> (Self, Self) {
         let t = self.trimmed();
         let end = t.text.find(|c: char| c.is_whitespace() || ends.contains(&c)).unwrap_or(t.text.len());

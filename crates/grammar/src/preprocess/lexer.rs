@@ -42,8 +42,7 @@ pub(super) struct LexedText {
     pub comments: Vec<Span>,
 }
 
-/// Splits a text into tokens, whose places are byte ranges of `text`. Errors and the warnings L014 and L057 go to the
-/// session.
+/// Splits a text into tokens, whose places are byte ranges of `text`. Errors and the warnings L014 and L057 go to the session.
 pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> LexedText {
     warn_of_joined_lines(session, source, text);
     let mut lexer = Lexer {
@@ -92,8 +91,7 @@ fn splice(text: &str) -> Vec<(u32, char)> {
 const LINE_WORDS: [&str; 9] =
     ["axiom", "derivation", "decomposition", "homomorphism", "endlsystem", "lsystem", "ignore", "consider", "maximum"];
 
-/// L057: the backslash of a roll command at the end of a production joins the next line, which is a production or an item
-/// itself.
+/// L057: the backslash of a roll command at the end of a production joins the next line, which is a production or an item itself.
 fn warn_of_joined_lines(session: &mut ParseSession, source: SourceId, text: &str) {
     let mut start = 0;
     for line in text.split_inclusive('\n') {
@@ -140,8 +138,7 @@ fn looks_like_modules(text: &str, touches: bool) -> bool {
     (has_symbols || has_turns) && (touches || (has_turns && has_symbols))
 }
 
-/// The text after the angle of a second roll, as in `(30)A`, if a module follows without a blank; in comments a blank
-/// follows.
+/// The text after the angle of a second roll, as in `(30)A`, if a module follows without a blank; in comments a blank follows.
 fn behind_angle(text: &str) -> Option<&str> {
     let inner = text.strip_prefix('(')?;
     let mut depth = 1_u32;

@@ -1,4 +1,4 @@
-//! Reads assignments, and changes of lists, which are assignments of the lists that they leave.
+//! Reads assignments, and changes of lists, which are represented as assignments of the changed list.
 
 use std::ops::Range;
 
@@ -15,11 +15,11 @@ use super::refusal::Refusal;
 use super::statement::{GROUP, Statement};
 use crate::dialect::text::Piece;
 
-/// `name[index] = value`, or with an operator, `name[index] += value`.
+/// A change of an item, `name[index] = value`, or with an operator, `name[index] += value`.
 struct ItemChange<'t> {
     name: Piece<'t>,
     index: Piece<'t>,
-    /// More brackets follow, `name[index][1] = value`.
+    /// True if more brackets follow, as in `name[index][1] = value`.
     is_nested: bool,
     op: Option<PyOp>,
     value: Piece<'t>,
@@ -45,14 +45,14 @@ impl<'t> ItemChange<'t> {
     }
 }
 
-/// The assignments, of names and values, that a line makes which changes a list; `None` for any other line.
+/// The assignments, as names and values, that represent a line which changes a list; `None` for other lines.
 pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>>, Refusal> {
     let named = |name: Piece<'_>| PyExpr::Name(name.text.to_owned(), name.range());
     let changed = |name: Piece<'_>, change: ListChange, args: Vec<PyExpr>| {
         let args = std::iter::once(named(name)).chain(args).collect();
         (name.text.to_owned(), PyExpr::Change(change, args, piece.range()))
     };
-    // `del q[0]` takes an item out, as `q.pop(0)` does.
+    // `del q[0]` removes an item, as `q.pop(0)` does.
     if let Some(taken) = piece.text.strip_prefix("del ").map(|_| piece.from("del ".len()).trimmed()) {
         let open = taken.text.find('[').filter(|open| is_name(taken.up_to(*open).trimmed().text));
         let inner = open
@@ -102,7 +102,7 @@ pub(super) fn item_of(list: &PyExpr, k: u32, place: Range<usize>) -> PyExpr {
     PyExpr::Index(Box::new(list.clone()), Box::new(PyExpr::Number(f64::from(k))), place)
 }
 
-/// Assignments of a production: `x = e`, `x = y = e`, `x, y = e, f`, `x, y = list`, `x += e`.
+/// Reads an assignment of a production: `x = e`, `x = y = e`, `x, y = e, f`, `x, y = list`, `x += e`.
 pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     let refused = || {
         let shown: String = piece.text.chars().take(40).collect();
@@ -130,7 +130,7 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     }
     let (names, mut value) = assignment(piece).ok_or_else(refused)?;
     let names = split(names);
-    // `x = y = e` takes the value once.
+    // `x = y = e` evaluates e once.
     let mut others = Vec::new();
     while let Some((other, last)) = assignment(value) {
         if split(other).len() != 1 {
@@ -152,7 +152,7 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     }
     let values = match values.as_slice() {
         several if several.len() == names.len() => several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?,
-        // `x, y = list`: one name for each item.
+        // In `x, y = list` each name gets an item.
         [list] => match parse(*list)? {
             PyExpr::List(items, _) if items.len() == names.len() => items,
             PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::List(..) => return Err(refused()),
@@ -161,7 +161,8 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         _ => return Err(refused()),
     };
     let mut out = Vec::with_capacity(values.len());
-    // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
+    // Python evaluates all values first. If one reads a name that is set earlier in the same assignment, all values are
+    // stored in temporary variables first, whose names no model can contain.
     let reads_earlier =
         |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name: &Piece<'_>| mentions(value, name.text));
     if values.iter().enumerate().any(reads_earlier) {
@@ -177,7 +178,7 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     Ok(out)
 }
 
-/// `first, *rest = q`: the name behind the star takes the items that the others leave.
+/// Reads `first, *rest = q`: the name after the star gets the items that the other names leave.
 fn starred(names: &[Piece<'_>], at: usize, value: Piece<'_>, place: Range<usize>) -> Result<Vec<Statement>, Refusal> {
     let list = parse(value)?;
     let after = names.len() - at - 1;
@@ -186,7 +187,7 @@ fn starred(names: &[Piece<'_>], at: usize, value: Piece<'_>, place: Range<usize>
     let indexed = |index: PyExpr| PyExpr::Index(Box::new(list.clone()), Box::new(index), place.clone());
     let value = |k: usize| match k.cmp(&at) {
         std::cmp::Ordering::Less => indexed(number(k)),
-        // Counted from the end.
+        // Names after the star count from the end of the list.
         std::cmp::Ordering::Greater => indexed(PyExpr::Neg(Box::new(number(names.len() - k)))),
         std::cmp::Ordering::Equal => {
             let end = if after == 0 { none() } else { PyExpr::Neg(Box::new(number(after))) };
@@ -199,7 +200,7 @@ fn starred(names: &[Piece<'_>], at: usize, value: Piece<'_>, place: Range<usize>
     Ok(names.iter().enumerate().map(assign).collect())
 }
 
-/// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
+/// The name that a line of a function sets to an unreadable value, with the reason: only uses of the name are refused.
 pub(super) fn unreadable_assignment<'t>(line: &Line<'t>) -> Option<(&'t str, Refusal)> {
     let (names, value) = assignment(line.piece)?;
     let why = match parse(value) {

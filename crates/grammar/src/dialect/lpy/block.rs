@@ -21,7 +21,7 @@ use super::strings::{PyModule, listed_modules, modules};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
-/// What a call that makes a string of modules is given: `'F'` of `(makestring('F'))`; `None` for any other text.
+/// The argument of a call that makes a string of modules: `'F'` of `(makestring('F'))`; `None` for other texts.
 fn string_text(piece: Piece<'_>) -> Option<Piece<'_>> {
     let inner = piece.trimmed();
     let inner = inner.text.strip_prefix('(').and_then(|t| t.strip_suffix(')')).map(|t| Piece::new(inner.at + 1, t))?;
@@ -31,13 +31,13 @@ fn string_text(piece: Piece<'_>) -> Option<Piece<'_>> {
     args.text.strip_prefix('(').and_then(|t| t.strip_suffix(')')).map(|t| Piece::new(args.at + 1, t).trimmed())
 }
 
-/// The names of `x, y` or `(x, y)`.
+/// The names in `x, y` or `(x, y)`.
 fn parts_of(targets: Piece<'_>) -> Vec<Piece<'_>> {
     let inner = targets.text.strip_prefix('(').filter(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
     split(inner.map_or(targets, |t| Piece::new(targets.at + 1, &t[..t.len() - 1])))
 }
 
-/// `list[index]`; of `zip(list, other)` the list of both items.
+/// The item `list[index]`; for `zip(list, other)` the pair of both items.
 fn item_at(list: &PyExpr, index: &PyExpr, place: &Range<usize>) -> PyExpr {
     match list {
         PyExpr::Call(function, lists, _) if function == "zip" => {
@@ -47,7 +47,7 @@ fn item_at(list: &PyExpr, index: &PyExpr, place: &Range<usize>) -> PyExpr {
     }
 }
 
-/// `len(list)`; of `zip(list, other)` the lesser length.
+/// The length `len(list)`; for `zip(list, other)` the smaller length.
 fn length_of(list: &PyExpr, place: Range<usize>) -> PyExpr {
     match list {
         PyExpr::Call(function, lists, _) if function == "zip" => {
@@ -60,7 +60,7 @@ fn length_of(list: &PyExpr, place: Range<usize>) -> PyExpr {
 }
 
 impl Model<'_, '_> {
-    /// Reads the lines of a production or a function. Functions that it defines are written in where it calls them.
+    /// Reads the lines of a production or a function. Functions defined in it are inlined where it calls them.
     pub(super) fn statements(&mut self, block: &[Line<'_>]) -> Result<Vec<Statement>, Refusal> {
         let around = std::mem::take(&mut self.own_functions);
         let list = self.block(block, 0);
@@ -88,10 +88,10 @@ impl Model<'_, '_> {
                 continue;
             }
             let piece = parts.first().copied().unwrap_or(line.piece);
-            // The lines indented deeper, and where the block continues after them.
+            // Find the lines with a deeper indentation, and the line at which this block continues.
             let (inner, next) = block_after(block, i, line.indent);
             let (word, rest) = piece.first_word(&['(', ':', '=', '[']);
-            // A block may stand on the line of its heading.
+            // A block may be on the same line as its heading.
             let body = |model: &mut Self, after: Piece<'_>| {
                 let after = after.trimmed();
                 if after.text.is_empty() {
@@ -106,20 +106,20 @@ impl Model<'_, '_> {
                 return Err(indented_refusal(inner.piece));
             }
             match word.text {
-                // The modules may continue in indented lines.
+                // The modules may continue on indented lines.
                 _ if is_produce => {
                     let modules = self.modules_of(rest, inner)?;
                     out.push(Statement::Produce(modules, word.text == "produce"));
                 }
                 // These statements do not affect the string of modules.
                 "pass" | "print" | "assert" => out.push(Statement::Pass),
-                // A text alone describes a function.
+                // A string alone is the description of a function.
                 _ if piece.text.starts_with(['"', '\'']) => {}
                 "global" => out.push(Statement::Global(split(rest).iter().map(|n| n.text.to_owned()).collect())),
                 "return" if rest.text.is_empty() || rest.text == "None" => {
                     out.push(Statement::Return(None, piece.range()));
                 }
-                // `return x, y` gives a list.
+                // `return x, y` returns a list.
                 "return" => {
                     let mut values = split(rest).into_iter().map(parse).collect::<Result<Vec<_>, _>>()?;
                     let value = if values.len() == 1 { values.remove(0) } else { PyExpr::List(values, rest.range()) };
@@ -131,7 +131,7 @@ impl Model<'_, '_> {
                     let then = body(self, rest.from(c + 1))?;
                     if word.text == "if" {
                         out.push(Statement::If(vec![(test, then)], Vec::new()));
-                    // The statement before must be an `if`: Python allows nothing between the two.
+                    // The previous statement must be an `if`: Python allows nothing between the two.
                     } else if let Some(Statement::If(tests, _)) = out.last_mut() {
                         tests.push((test, then));
                     } else {
@@ -141,7 +141,7 @@ impl Model<'_, '_> {
                 "else" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
                     let other = body(self, rest.from(c + 1))?;
-                    // The statement before must be an `if`, as for `elif`, or a loop.
+                    // The previous statement must be an `if`, as for `elif`, or a loop.
                     let broken = format!("(broken {})", piece.at);
                     match out.last_mut() {
                         Some(Statement::If(_, last)) => {
@@ -153,7 +153,7 @@ impl Model<'_, '_> {
                         }
                         _ => return Err(Refusal::new("'else' without 'if'", piece.range())),
                     }
-                    // `else` of a loop runs unless a `break` has ended the loop.
+                    // The `else` block of a loop runs unless a `break` ended the loop.
                     let is_whole = PyExpr::Not(Box::new(PyExpr::Name(broken.clone(), piece.range())));
                     out.insert(out.len() - 1, Statement::Assign(broken, PyExpr::Number(0.0)));
                     out.push(Statement::If(vec![(is_whole, other)], Vec::new()));
@@ -209,11 +209,12 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// The modules that a list, or `makestring('F(1)')` of a text of the model, gives to `nsproduce`; `None` for anything else.
+    /// The modules in the argument of `nsproduce`: a list, or `makestring('F(1)')` with a string of the model; `None` for
+    /// other arguments.
     fn made_string(&self, piece: Piece<'_>) -> Result<Option<Vec<PyModule>>, Refusal> {
         let made = string_text(piece);
         let Some(inner) = made else { return listed_modules(piece, &self.declared) };
-        // A name stands for a text that the model has written out.
+        // A name may refer to a string constant of the model.
         let source = if is_name(inner.text) { self.texts.get(inner.text).cloned() } else { None };
         let text = source.unwrap_or_else(|| inner.range());
         let Some(text) = self.quoted(text) else {
@@ -223,7 +224,7 @@ impl Model<'_, '_> {
         modules(Piece::new(text.0, text.1), &self.declared).map(Some)
     }
 
-    /// The call of a function of the model that a line is; `None` for any other line.
+    /// The call of a function of the model, if that is the whole line; else `None`.
     fn run_of(&self, word: Piece<'_>, rest: Piece<'_>, piece: Piece<'_>) -> Result<Option<PyExpr>, Refusal> {
         let is_call = rest.text.strip_prefix('(').is_some_and(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
         if !is_call || !self.defined.contains(word.text) {
@@ -232,13 +233,13 @@ impl Model<'_, '_> {
         parse(piece).map(Some)
     }
 
-    /// A test of a statement or of a production.
+    /// Reads the test of a statement or of a production.
     pub(super) fn test(&self, piece: Piece<'_>) -> Result<PyExpr, Refusal> {
         let test = parse(piece)?;
         Ok(if self.scope.has_none { tested(test) } else { test })
     }
 
-    /// A `for` loop: `i in range(a, b, step)`, `x, y in list`, `i, x in enumerate(list)`, `x, y in zip(list, other)`.
+    /// Reads a `for` loop: `i in range(a, b, step)`, `x, y in list`, `i, x in enumerate(list)`, `x, y in zip(list, other)`.
     fn loop_over(
         &mut self,
         head: Piece<'_>,
@@ -246,7 +247,7 @@ impl Model<'_, '_> {
         place: Range<usize>,
     ) -> Result<Statement, Refusal> {
         let refused = || Refusal::new("'for' over something other than range(..)", head.range());
-        // Divide the head at `in` into targets and list.
+        // Split the heading at `in` into targets and list.
         let (name, rest) = head.first_word(&[]);
         let (word, list) = rest.first_word(&[]);
         let (targets, list) = if word.text == "in" {
@@ -256,7 +257,7 @@ impl Model<'_, '_> {
             (head.up_to(at).trimmed(), head.from(at + " in ".len()))
         };
         let list = parse(list.trimmed()).map_err(|_| refused())?;
-        // `enumerate` gives its first target the number of the turn, from a start on.
+        // `enumerate` sets its first target to the number of the iteration, counted from an optional start.
         let parts = parts_of(targets);
         let (number, target, list) = match (list, parts.as_slice()) {
             (PyExpr::Call(function, lists, _), [number, value]) if function == "enumerate" => {
@@ -272,26 +273,26 @@ impl Model<'_, '_> {
             }
             (list, _) => (None, targets, list),
         };
-        // A loop over a dictionary is one over its keys.
+        // A loop over a dictionary is a loop over its keys.
         let list = match resolve(&list, &self.scope, 0) {
             Ok(e) if is_dictionary(&e) => keys_of(list),
             _ => list,
         };
-        // The number of the turn, under a name that no model has.
+        // Variable for the number of the iteration, with a name that no model can contain.
         let count = format!("(each {})", head.at);
         let index = PyExpr::Name(count.clone(), head.range());
         let is_list = |e: &PyExpr, scope: &Scope| {
             let first = substitute(e, std::slice::from_ref(&count), &[PyExpr::Number(0.0)]);
             matches!(resolve(&first, scope, 0), Ok(PyExpr::List(..)))
         };
-        // A single target that takes numbers needs no assignment: the loop itself sets it.
+        // A single target whose values are numbers needs no assignment: the loop itself sets it.
         if number.is_none()
             && parts_of(target).len() == 1
             && !is_list(&item_at(&list, &index, &head.range()), &self.scope)
         {
             return Ok(Statement::For(target.text.to_owned(), list, body, place));
         }
-        // Otherwise loop over the number of the turn, and begin each turn with assignments of the items to the targets.
+        // Otherwise loop over the number of the iteration, and assign the items to the targets at the beginning of each iteration.
         let list = self.named_list(list, &mut format!("(list {})", head.at));
         let turns = PyExpr::Call("range".to_owned(), vec![length_of(&list, head.range())], head.range());
         let mut turn = Vec::new();
@@ -301,7 +302,7 @@ impl Model<'_, '_> {
             let count = if is_plain { index.clone() } else { sum() };
             turn.push(Statement::Assign(number.text.to_owned(), count));
         }
-        // Names within names, with what they stand for; the next one last.
+        // Stack of nested targets with their values.
         let mut open = vec![(target, item_at(&list, &index, &head.range()))];
         while let Some((target, value)) = open.pop() {
             let parts = parts_of(target);
@@ -316,7 +317,7 @@ impl Model<'_, '_> {
             }
             let name = parts.first().filter(|p| is_name(p.text)).ok_or_else(refused)?.text.to_owned();
             if is_list(&value, &self.scope) {
-                // A list is no value of a variable: it stands where the name is read.
+                // A variable cannot hold a list: replace the name by the list wherever it is read.
                 let (mut names, mut globals) = (Vec::new(), Vec::new());
                 assigned(&body, &mut names, &mut globals);
                 if names.contains(&name) {
@@ -331,7 +332,7 @@ impl Model<'_, '_> {
         Ok(Statement::For(count, turns, turn, place))
     }
 
-    /// Lists that are written out get a name, so that the turns of a loop do not repeat them.
+    /// Gives a list constant a name, so that the iterations of a loop do not copy it.
     pub(super) fn named_list(&mut self, list: PyExpr, name: &mut String) -> PyExpr {
         match list {
             PyExpr::Call(function, lists, place) if function == "zip" => {
@@ -339,7 +340,7 @@ impl Model<'_, '_> {
                 PyExpr::Call(function, lists, place)
             }
             PyExpr::List(items, place) if items.iter().all(is_written_out) => {
-                // Each name is longer than the one before.
+                // Lengthen the name until it is unused.
                 name.push('+');
                 self.scope.lists.insert(name.clone(), PyExpr::List(items, place.clone()));
                 PyExpr::Name(name.clone(), place)

@@ -1,24 +1,25 @@
-//! Bounds of variables on a way through a production: what the conditions so far allow, so that ways which cannot be taken are
-//! left out. A loop `for i in range(int(n))` with `if i < n - 1` has two ways for each turn then, not two to the power of turns.
+//! Bounds of variables on an execution path through a production, derived from its conditions, so that impossible paths are
+//! omitted. A loop `for i in range(int(n))` that contains `if i < n - 1` then has two paths for each number of iterations,
+//! instead of two to the power of that number.
 
 use std::collections::BTreeMap;
 
 use super::expression::{PyExpr, PyOp, mentions};
 use super::scope::Scope;
 
-/// Nesting of an expression up to which its bounds are known.
+/// Limit on the nesting of expressions whose bounds are derived.
 const MAX_DEPTH: usize = 32;
 
-/// Least and greatest value.
+/// Smallest and largest value.
 type Interval = (f64, f64);
 
 const ANY: Interval = (f64::NEG_INFINITY, f64::INFINITY);
 
-/// What is known of the variables of a way.
+/// Known bounds of the variables on an execution path.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Bounds {
     intervals: BTreeMap<String, Interval>,
-    /// Variables with the expressions that they are equal to, as long as nothing in these has changed.
+    /// Variables and the expressions that they equal, removed when a variable in the expression changes.
     equal: BTreeMap<String, PyExpr>,
 }
 
@@ -30,7 +31,7 @@ fn call<'e>(e: &'e PyExpr, names: &[&str]) -> Option<&'e PyExpr> {
 }
 
 impl Bounds {
-    /// A variable gets a value.
+    /// Records the assignment of a value to a variable.
     pub fn assign(&mut self, name: &str, e: &PyExpr, scope: &Scope) {
         let interval = self.of(e, scope, 0);
         self.forget(name);
@@ -40,13 +41,13 @@ impl Bounds {
         }
     }
 
-    /// Nothing is known of a variable any more.
+    /// Discards everything known about a variable.
     pub fn forget(&mut self, name: &str) {
         self.equal.retain(|n, e| n != name && !mentions(e, name));
         self.intervals.insert(name.to_owned(), ANY);
     }
 
-    /// Least and greatest value of an expression.
+    /// Smallest and largest value of an expression.
     fn of(&self, e: &PyExpr, scope: &Scope, depth: usize) -> Interval {
         if depth > MAX_DEPTH {
             return ANY;
@@ -82,7 +83,7 @@ impl Bounds {
         if low.is_nan() || high.is_nan() { ANY } else { (low, high) }
     }
 
-    /// True if the value is a whole number.
+    /// True if the value is certainly an integer.
     fn is_whole(&self, e: &PyExpr, depth: usize) -> bool {
         if depth > MAX_DEPTH {
             return false;
@@ -97,7 +98,7 @@ impl Bounds {
         }
     }
 
-    /// Whether a test holds, if the bounds decide it.
+    /// Value of a test if the bounds determine it.
     pub fn decide(&self, test: &PyExpr, scope: &Scope) -> Option<bool> {
         match test {
             PyExpr::Not(a) => self.decide(a, scope).map(|v| !v),
@@ -129,14 +130,14 @@ impl Bounds {
         }
     }
 
-    /// Narrows what is known by a test with its value; false if nothing is left.
+    /// Narrows the bounds by the value of a test; false if no values remain.
     pub fn refine(&mut self, test: &PyExpr, value: bool, scope: &Scope) -> bool {
         match test {
             PyExpr::Not(a) => self.refine(a, !value, scope),
             PyExpr::And(a, b) if value => self.refine(a, true, scope) && self.refine(b, true, scope),
             PyExpr::Or(a, b) if !value => self.refine(a, false, scope) && self.refine(b, false, scope),
             PyExpr::Binary(op, a, b) => {
-                // Every comparison as `left < right`, or `left <= right` if not strict.
+                // Write every comparison as `left < right`, or as `left <= right` if `strict` is false.
                 let (left, right, strict) = match (op, value) {
                     (PyOp::Lt, true) => (a, b, true),
                     (PyOp::Lt, false) => (b, a, false),

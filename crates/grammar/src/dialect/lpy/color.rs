@@ -8,11 +8,11 @@ use crate::code::Expr;
 use crate::dialect::text::Piece;
 use crate::token::SourcePlace;
 
-/// Indices from here on stand for the colours of `SetColor(red,green,blue)`, the last ones first.
+/// First colour index used for `SetColor(red,green,blue)`; the indices are assigned from the last one down.
 const FIRST_OWN: u8 = 128;
 
-/// Colours of the indices that a model sets: by `Color_1 = pgl.Material("Color_1", ambient = (65,45,15), diffuse = 3)` and
-/// `context.turtle.setMaterial(1, Color_1)`, or by both in one line.
+/// Colours by index that a model sets, by `Color_1 = pgl.Material("Color_1", ambient = (65,45,15), diffuse = 3)` and
+/// `context.turtle.setMaterial(1, Color_1)`, or by both on one line.
 pub(super) fn palette(lines: &[Piece<'_>]) -> Vec<(u8, [u8; 3])> {
     let mut known: BTreeMap<&str, [u8; 3]> = BTreeMap::new();
     let mut out = Vec::new();
@@ -34,7 +34,7 @@ pub(super) fn palette(lines: &[Piece<'_>]) -> Vec<(u8, [u8; 3])> {
     out
 }
 
-/// What stands between the first parenthesis and its partner.
+/// The text between the first parenthesis and its partner.
 fn arguments(piece: Piece<'_>) -> Option<Piece<'_>> {
     let open = piece.text.find('(')?;
     let mut depth = 0_usize;
@@ -45,8 +45,8 @@ fn arguments(piece: Piece<'_>) -> Option<Piece<'_>> {
     Some(piece.up_to(close).from(open + 1))
 }
 
-/// Colour of `Material("name", ambient = (r,g,b), diffuse = d)`, sRGB: `ambient` times `diffuse`. The name and both words may be
-/// left out.
+/// sRGB colour of `Material("name", ambient = (r,g,b), diffuse = d)`, which is `ambient` times `diffuse`. The name and both
+/// keywords are optional.
 fn material(piece: Piece<'_>) -> Option<[u8; 3]> {
     let at = piece.text.find("Material(")?;
     let mut places = ["ambient", "diffuse"].into_iter();
@@ -65,25 +65,25 @@ fn material(piece: Piece<'_>) -> Option<[u8; 3]> {
             _ => {}
         }
     }
-    // Without diffuse light a material has its ambient colour.
+    // Without diffuse light the colour of a material is its ambient colour.
     let share = if diffuse > 0.0 { diffuse } else { 1.0 };
     ambient.map(|c| c.map(|v| byte(v * share)))
 }
 
-/// The three numbers of `(r,g,b)` or `Color3(r,g,b)`.
+/// Reads the three numbers of `(r,g,b)` or `Color3(r,g,b)`.
 fn channels(piece: Piece<'_>) -> Option<[f64; 3]> {
     let numbers: Vec<f64> = split(arguments(piece)?).iter().filter_map(|p| p.text.parse().ok()).collect();
     numbers.try_into().ok()
 }
 
-/// The nearest whole number of 0 to 255.
+/// The nearest integer from 0 to 255.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
 
 impl Model<'_, '_> {
-    /// The index that stands for a colour of red, green and blue; L008 and `None` if they are not constant.
+    /// The index for a colour of red, green and blue; L008 and `None` if they are not constant.
     pub(super) fn color_index(&mut self, args: &[Expr], place: SourcePlace) -> Option<u8> {
         let number = |arg: &Expr| match arg {
             Expr::Const(value) => Some(*value),

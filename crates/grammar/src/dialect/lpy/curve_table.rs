@@ -1,4 +1,4 @@
-//! The curves of a model: a number stands for each, and tables hold what they are.
+//! The curves of a model, each represented by a number, and the tables that hold them.
 
 use std::sync::Arc;
 
@@ -8,12 +8,12 @@ use super::expression::FIRST_CURVE;
 use crate::functions::{DataFunction, FunctionTables, Spline, SplineEnds};
 use crate::token::SourcePlace;
 
-/// Most curves of a model; their numbers must be exact in single precision, 2^24.
+/// Limit on the curves of a model: their numbers must be exact in single precision, up to 2^24.
 pub(super) const MAX_CURVES: usize = 4_096;
-/// Most points of all curves together: about a second for measuring them.
+/// Limit on the points of all curves together, whose lengths take about a second to measure.
 pub(super) const MAX_ALL_POINTS: usize = 65_536;
 
-/// How a curve goes through or along its points.
+/// How a curve interpolates or approximates its points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CurveKind {
     BSpline,
@@ -29,22 +29,22 @@ pub(super) struct Curve {
     pub points: Vec<[f64; 3]>,
 }
 
-/// The curves of a model by their numbers.
+/// The curves of a model by number.
 #[derive(Debug, Default)]
 pub(super) struct Curves {
     list: Vec<Curve>,
     tables: Arc<FunctionTables>,
-    /// Places of calls of functions that a variable holds.
+    /// Source places of calls of functions that are held by variables.
     pub call_places: Vec<SourcePlace>,
 }
 
 impl Curves {
-    /// The tables with all curves so far.
+    /// Tables of all curves so far.
     pub fn tables(&self) -> Arc<FunctionTables> {
         Arc::clone(&self.tables)
     }
 
-    /// The number that stands for a curve, which is added unless it is known; `None` beyond [`MAX_CURVES`] and [`MAX_ALL_POINTS`].
+    /// The number of a curve, which is added if it is new; `None` beyond [`MAX_CURVES`] or [`MAX_ALL_POINTS`].
     pub fn number(&mut self, curve: Curve) -> Option<f64> {
         let at = self.list.iter().position(|known| *known == curve).unwrap_or(self.list.len());
         let id = FIRST_CURVE + f64::from(saturating_index(at));
@@ -71,7 +71,7 @@ impl Curves {
         Some(id)
     }
 
-    /// True if the number stands for a curve in a plane, which may be called as a function.
+    /// True if the number represents a plane curve, which may be called as a function.
     pub fn is_function(&self, id: f64) -> bool {
         self.tables.value(id, 0.0).is_some()
     }

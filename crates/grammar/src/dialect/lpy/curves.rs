@@ -1,5 +1,5 @@
-//! Curves of PlantGL, and functions whose graphs they are: made by the model, or saved behind it by the editor of L-Py. A number
-//! stands for each, as for texts, so that parameters hand it on.
+//! Curves of PlantGL, and functions that have them as graphs, made by the model or saved after it by the editor of L-Py.
+//! Each is represented by a number, like a string, so that parameters can pass it on.
 
 use std::ops::Range;
 
@@ -16,12 +16,12 @@ use super::scope::Scope;
 use super::vectors::coordinates_of;
 use crate::dialect::text::Piece;
 
-/// Most points of a curve. Own: the time that a spline of more takes would be noticed.
+/// Limit on the points of a curve. Own: a spline with more takes a noticeable time.
 const MAX_POINTS: usize = 4_096;
-/// Most points of a Bézier curve, whose degree is one less: its arithmetic grows with their square.
+/// Limit on the points of a Bézier curve: its degree is one less, and its cost grows with the square.
 const MAX_BEZIER_POINTS: usize = 64;
 
-/// Kinds of curves, whether they lie in a plane, and the names of their points as arguments.
+/// Kinds of curves, whether they are plane, and the keywords of their points.
 const KINDS: [(&str, CurveKind, bool); 6] = [
     ("NurbsCurve2D", CurveKind::BSpline, true),
     ("BezierCurve2D", CurveKind::Bezier, true),
@@ -31,12 +31,12 @@ const KINDS: [(&str, CurveKind, bool); 6] = [
     ("Polyline", CurveKind::Lines, false),
 ];
 
-/// The refusal of a curve, with what is wrong with it.
+/// The refusal of a curve. `why`: what is wrong with it.
 fn curve_refusal(name: &str, why: &str, range: &Range<usize>, remedy: &'static str) -> Refusal {
     Refusal::new(format!("a '{name}' {why}"), range.clone()).remedy(remedy)
 }
 
-/// The items of a list, of a vector, or of an array of points such as `Point3Array([..])`.
+/// The items of a list, a vector, or an array of points such as `Point3Array([..])`.
 fn items_of(e: &PyExpr) -> Option<&[PyExpr]> {
     match e {
         PyExpr::List(items, _) => Some(items),
@@ -45,7 +45,7 @@ fn items_of(e: &PyExpr) -> Option<&[PyExpr]> {
     }
 }
 
-/// The curve or function that a call with resolved arguments makes, as the text that stands for it; `None` for any other call.
+/// The number of the curve or function that a call with resolved arguments makes, as a string constant; `None` for other calls.
 pub(super) fn made(
     name: &str,
     args: &[PyExpr],
@@ -78,7 +78,7 @@ fn text_of(curve: Curve, range: &Range<usize>, scope: &Scope) -> Result<PyExpr, 
     Ok(PyExpr::Text(number, range.clone()))
 }
 
-/// The points of a curve among its arguments, and why a spline of these arguments cannot be read.
+/// Makes a curve from its arguments; refuses splines that cannot be read.
 fn curve(
     name: &str,
     args: &[PyExpr],
@@ -89,7 +89,7 @@ fn curve(
     for (k, arg) in args.iter().enumerate() {
         let (word, value) = match arg {
             PyExpr::Call(word, value, _) if word.ends_with('=') => (word.as_str(), value.first()),
-            // The second and third argument of a spline are knots and degree.
+            // The second and third arguments of a spline are knots and degree.
             value => (["ctrlPointList=", "knotList=", "degree="].get(k).copied().unwrap_or("width="), Some(value)),
         };
         match (word, value) {
@@ -100,7 +100,7 @@ fn curve(
                 let help = "leave them out: osier reads splines of degree 3 with uniform knots";
                 remark = Some(curve_refusal(name, what, range, help));
             }
-            // The number of lines that it is drawn with, and the width of the lines.
+            // Ignore the number of line segments for drawing the curve, and their width.
             ("stride=" | "width=", _) => {}
             _ => {
                 let what = format!("with the argument '{}'", word.trim_end_matches('='));
@@ -113,7 +113,7 @@ fn curve(
     Ok((points, remark))
 }
 
-/// The points of a curve as numbers: of a plane x, y and a weight, else x, y, z and a weight.
+/// Coordinates of the points of a curve: x, y and a weight in the plane, else x, y, z and a weight.
 fn coordinates(
     name: &str,
     points: &[PyExpr],
@@ -142,7 +142,7 @@ fn coordinates(
     Ok(out)
 }
 
-/// `QuantisedFunction(curve)`, or of a list of points; the number of its samples changes nothing here.
+/// Reads `QuantisedFunction(curve)`, also with a list of points; its number of samples has no effect here.
 fn quantised(args: &[PyExpr], range: &Range<usize>, scope: &Scope) -> Result<PyExpr, Refusal> {
     let name = "QuantisedFunction";
     match args.first() {
@@ -161,7 +161,7 @@ fn quantised(args: &[PyExpr], range: &Range<usize>, scope: &Scope) -> Result<PyE
     }
 }
 
-/// The call of a name that is a variable of the production, or a curve of the model; `None` for any other name.
+/// The call of a function that is a variable of the production or a curve of the model; `None` for other names.
 pub(super) fn applied(
     name: &str,
     args: &[PyExpr],
@@ -193,8 +193,8 @@ pub(super) fn applied(
 }
 
 impl Model<'_, '_> {
-    /// Curves and functions that the editor of L-Py saves in `__initialiseContext__`: `w = pgl.NurbsCurve2D(..)`, in older files
-    /// `functions = [('w', NurbsCurve2D(..))]`. The last of several of one name counts.
+    /// Reads curves and functions that the editor of L-Py saves in `__initialiseContext__`: `w = pgl.NurbsCurve2D(..)`, or
+    /// in older files `functions = [('w', NurbsCurve2D(..))]`. If a name is repeated, the last one counts.
     pub(super) fn curves(&mut self, list: &[Line<'_>]) {
         let is_header = |line: &Line<'_>| line.piece.text.starts_with("def __initialiseContext__");
         let Some(i) = list.iter().position(is_header) else { return };
@@ -218,7 +218,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// A saved curve; one that cannot be read is refused where it is used.
+    /// Adds a saved curve; an unreadable one is refused where it is used.
     fn saved_curve(&mut self, name: &str, value: Piece<'_>) {
         if !is_name(name) {
             return;

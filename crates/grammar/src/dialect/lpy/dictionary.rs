@@ -1,4 +1,4 @@
-//! Dictionaries whose keys are constant.
+//! Dictionaries with constant keys.
 
 use std::ops::Range;
 
@@ -10,14 +10,14 @@ use super::refusal::Refusal;
 use super::scope::{Scope, has_random};
 use crate::code::is_zero;
 
-/// One pair of a dictionary.
+/// A key and its value in a dictionary.
 struct Entry<'p> {
     number: f64,
     key: &'p PyExpr,
     value: &'p PyExpr,
 }
 
-/// The pairs of a dictionary in their order. Of equal keys the last value counts, in the place of the first.
+/// The pairs of a dictionary in order. If a key is repeated, the last value counts, in the position of the first.
 fn entries<'p>(pairs: &'p [PyExpr], scope: &Scope, range: &Range<usize>) -> Result<Vec<Entry<'p>>, Refusal> {
     let mut out: Vec<Entry<'p>> = Vec::new();
     for pair in pairs.chunks(2) {
@@ -32,7 +32,8 @@ fn entries<'p>(pairs: &'p [PyExpr], scope: &Scope, range: &Range<usize>) -> Resu
     Ok(out)
 }
 
-/// The value of a key, `d[key]`, or `d.get(key, other)` where the dictionary may lack it. A key that is not constant becomes a choice.
+/// The value for a key: `d[key]`, or `d.get(key, other)` if the dictionary may lack it. A key that is not constant becomes a
+/// choice between the values.
 pub(super) fn value_of(
     pairs: &[PyExpr],
     key: &PyExpr,
@@ -46,7 +47,7 @@ pub(super) fn value_of(
         return found.cloned().ok_or_else(|| Refusal::new("a key that its dictionary does not have", range.clone()));
     }
     let draws = has_random(key, scope) || pairs.iter().chain(other).any(|e| has_random(e, scope));
-    // The first value is taken where the key equals no other, unless there is one for such keys.
+    // If the key equals no other key, the first value is taken, unless a default value is given.
     let first = other.or(entries.first().map(|entry| entry.value)).filter(|_| entries.len() <= MAX_LOOKUP && !draws);
     let first = first.ok_or_else(|| Refusal::new("a key of this dictionary that is not constant", range.clone()))?;
     if entries.len().saturating_mul(size_with(key, &[], &[])) > MAX_OPS {
@@ -59,8 +60,8 @@ pub(super) fn value_of(
     }))
 }
 
-/// What a call of a function or method gives of a dictionary, its arguments resolved: `len(d)`, `d.get(key)`, `d.keys()`, `d.values()`,
-/// `d.items()`, `d.copy()`. `None` for any other call.
+/// The result of a function or method of a dictionary, with resolved arguments: `len(d)`, `d.get(key)`, `d.keys()`,
+/// `d.values()`, `d.items()`, `d.copy()`. `None` for other calls.
 pub(super) fn method(
     name: &str,
     args: &[PyExpr],
@@ -93,13 +94,13 @@ pub(super) fn method(
     }
 }
 
-/// The keys of a dictionary, over which a loop goes.
+/// The keys of a dictionary, which a loop iterates over.
 pub(super) fn keys_of(dictionary: PyExpr) -> PyExpr {
     let range = range_of(&dictionary);
     PyExpr::Call(".keys".to_owned(), vec![dictionary], range)
 }
 
-/// `dict(a=1, b=2)`.
+/// Reads `dict(a=1, b=2)`.
 pub(super) fn dictionary_of(args: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let mut pairs = Vec::with_capacity(2 * args.len());
     for arg in args {
@@ -113,7 +114,7 @@ pub(super) fn dictionary_of(args: &[PyExpr], range: &Range<usize>) -> Result<PyE
     Ok(PyExpr::Call(DICTIONARY.to_owned(), pairs, range.clone()))
 }
 
-/// The dictionary that a change leaves, from the resolved one before it and the resolved arguments: only a value is set.
+/// The dictionary after a change, from the resolved one before it and the resolved arguments; the only change is to set a value.
 pub(super) fn changed(
     change: ListChange,
     before: &PyExpr,
@@ -129,7 +130,7 @@ pub(super) fn changed(
     }
 }
 
-/// The pairs of a dictionary with another value of a key, which is constant.
+/// The pairs of a dictionary after setting the value of a constant key.
 fn with_pair(pairs: &[PyExpr], key: &PyExpr, value: &PyExpr, scope: &Scope) -> Result<Vec<PyExpr>, Refusal> {
     let refused = || Refusal::new("a dictionary of keys that are not constant", range_of(key));
     let number = constant_of(key, scope).ok_or_else(refused)?;

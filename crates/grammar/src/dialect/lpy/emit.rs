@@ -1,4 +1,4 @@
-//! Code of expressions whose names are resolved.
+//! Emits bytecode for expressions whose names are resolved.
 
 use std::ops::Range;
 
@@ -10,13 +10,13 @@ use super::scope::{RUN, Scope, has_random};
 use super::vectors::gives_vector;
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, TableFunction, UnaryOp, is_zero};
 
-/// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
+/// A divisor larger than any number of a model: taking the remainder by it truncates a number to an integer.
 const CUT: f64 = 1e18;
 
-/// Angles of Python are in radians, those of the language in degrees.
+/// Degrees per radian: Python measures angles in radians, the grammar language in degrees.
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
-/// The value of a resolved expression that is constant.
+/// The value of a resolved expression; `None` if it is not constant.
 pub(super) fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
     let mut ops = Vec::new();
     emit(e, scope, &mut ops).ok()?;
@@ -24,13 +24,13 @@ pub(super) fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
     crate::vm::constant_value(&code).filter(|v| v.is_finite())
 }
 
-/// Whether a resolved test holds, if it is constant.
+/// The truth value of a resolved test; `None` if it is not constant.
 pub(super) fn known_truth(test: &PyExpr, scope: &Scope) -> Option<bool> {
     let value = if scope.has_none { constant_of(&tested(test.clone()), scope) } else { constant_of(test, scope) };
     value.map(|v| !is_zero(v))
 }
 
-/// A resolved argument as a number, if it is one whatever the variables are: calls within calls end by such numbers.
+/// A resolved argument, replaced by a number if it is constant: the tests that end recursive calls need such numbers.
 pub(super) fn folded(e: PyExpr, scope: &Scope) -> PyExpr {
     match e {
         PyExpr::Number(_) | PyExpr::Text(..) => e,
@@ -38,7 +38,7 @@ pub(super) fn folded(e: PyExpr, scope: &Scope) -> PyExpr {
     }
 }
 
-/// Appends the code that leaves the value of an expression on the stack of the machine.
+/// Appends the bytecode that leaves the value of an expression on the stack.
 pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     if ops.len() > MAX_OPS {
         return Err(Refusal::new("an expression that grows too large", range_of(e)));
@@ -46,12 +46,12 @@ pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), R
     if let Some(choice) = operand_choice(e, scope) {
         return emit(&choice, scope, ops);
     }
-    // An index beyond all places: divisions by zero of these models are not reported.
+    // An index that no place has, because divisions by zero in these models are not reported.
     let binary = |op: BinaryOp| Op::Binary(op, usize::MAX);
     match e {
         PyExpr::Number(n) | PyExpr::Text(n, _) => ops.push(Op::Const(*n)),
         PyExpr::Name(name, range) => {
-            // Variables of the rule hide values of the model, save those that functions of the model read.
+            // Variables of the rule hide values of the model, except inside functions of the model.
             let of_model = plain_name(name);
             if let Some(slot) = Scope::slot(&scope.locals, name) {
                 ops.push(Op::Local(slot));
@@ -72,7 +72,7 @@ pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), R
             ops.push(Op::Unary(UnaryOp::Not));
         }
         PyExpr::And(a, b) | PyExpr::Or(a, b) => {
-            // The place of the jump is kept until its target, the end of the right side, is known.
+            // Emit a placeholder for the jump; its target is set when the end of the right side is known.
             emit_test(a, scope, ops)?;
             let jump = ops.len();
             ops.push(Op::Pop);
@@ -82,7 +82,7 @@ pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), R
             ops[jump] = if matches!(e, PyExpr::And(..)) { Op::And(end) } else { Op::Or(end) };
         }
         PyExpr::Choice(condition, then, other) => {
-            // condition, JumpIfZero to `other`, then, Jump to the end: each target is set once it is known.
+            // Emit condition, JumpIfZero to `other`, `then`, Jump to the end; each target is set when it is known.
             emit_test(condition, scope, ops)?;
             let to_other = ops.len();
             ops.push(Op::Pop);
@@ -127,12 +127,12 @@ pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), R
     Ok(())
 }
 
-/// Code of a test: that of the value, but for `None` and empty texts, which fail it.
+/// Appends the bytecode of a test: its value, except that `None` and empty strings count as false.
 fn emit_test(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     if scope.has_none { emit(&tested(e.clone()), scope, ops) } else { emit(e, scope, ops) }
 }
 
-/// A test whose parts are truth values: of a part that is any value, whether Python takes it as true.
+/// A test in which all parts are truth values: other parts are replaced by their truth values in Python.
 pub(super) fn tested(e: PyExpr) -> PyExpr {
     match e {
         PyExpr::And(a, b) => PyExpr::And(Box::new(tested(*a)), Box::new(tested(*b))),
@@ -145,8 +145,8 @@ pub(super) fn tested(e: PyExpr) -> PyExpr {
     }
 }
 
-/// `a and b` or `a or b` as a choice between its operands, one of which Python gives. `None` for any other expression, for truth
-/// values, which the code of `&&` and `||` gives as well, and where an operand that is tested and given draws a random number: a
+/// `a and b` or `a or b` as a choice of one of the operands, as in Python. `None` for other expressions; for truth values,
+/// for which the code of `&&` and `||` gives the same; and if an operand draws a random number, which a choice would draw twice.
 /// choice would draw it twice.
 fn operand_choice(e: &PyExpr, scope: &Scope) -> Option<PyExpr> {
     let is_and = match e {
@@ -161,7 +161,7 @@ fn operand_choice(e: &PyExpr, scope: &Scope) -> Option<PyExpr> {
     if all.iter().all(|o| is_truth(o)) || tested.iter().any(|o| draws(o)) {
         return None;
     }
-    // Each operand is tested, and given if it decides; a truth value that decides is 0 for `and`, 1 for `or`.
+    // Each operand is tested, and is the result if it decides; a truth value that decides is 0 for `and` and 1 for `or`.
     let choice = tested.iter().rev().fold(PyExpr::clone(last), |rest, o| {
         let decided = if is_and { 0.0 } else { 1.0 };
         let own = if is_truth(o) { PyExpr::Number(decided) } else { PyExpr::clone(o) };
@@ -182,7 +182,7 @@ fn append_operands<'e>(e: &'e PyExpr, is_and: bool, out: &mut Vec<&'e PyExpr>) {
     }
 }
 
-/// True if the value is 0 or 1 whatever the values of its names are.
+/// True if the value is certainly 0 or 1.
 fn is_truth(e: &PyExpr) -> bool {
     match e {
         PyExpr::Number(n) => is_zero(*n) || is_zero(*n - 1.0),
@@ -195,8 +195,8 @@ fn is_truth(e: &PyExpr) -> bool {
     }
 }
 
-/// `a == b` and `a != b` where one side is a number that single precision does not hold, such as 0.1: a parameter, which has single
-/// precision, is equal to the number that is nearest to it. `None` for other comparisons.
+/// `a == b` or `a != b` with a number that is not exact in single precision, such as 0.1: parameters have single precision,
+/// so that one equals the number if it is the nearest single-precision value. `None` for other comparisons.
 fn equal_in_single(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
     let (value, number) = match (a, b) {
         (PyExpr::Number(_), PyExpr::Number(_)) => return None,
@@ -210,13 +210,13 @@ fn equal_in_single(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
     }
     let difference = PyExpr::Binary(PyOp::Sub, Box::new(value.clone()), Box::new(PyExpr::Number(number)));
     let distance = PyExpr::Call("fabs".to_owned(), vec![difference], range_of(value));
-    // Rounding changes a number by 2^-24 of it at the most.
+    // Rounding to single precision changes a number by at most 2^-24 of its value.
     let most = PyExpr::Number(number.abs() / 16_777_216.0);
     let is_near = PyExpr::Binary(PyOp::Le, Box::new(distance), Box::new(most));
     Some(if op == PyOp::Eq { is_near } else { PyExpr::Not(Box::new(is_near)) })
 }
 
-/// `a // b` = floor(a / b), `a % b` = a - b floor(a / b), which has the sign of b.
+/// `a // b` as floor(a / b), and `a % b` as a - b floor(a / b), which has the sign of b.
 fn floored(e: &PyExpr, op: PyOp, a: &PyExpr, b: &PyExpr, scope: &Scope) -> Result<PyExpr, Refusal> {
     let quotient = PyExpr::Binary(PyOp::Div, Box::new(a.clone()), Box::new(b.clone()));
     let floor = PyExpr::Call("floor".into(), vec![quotient], range_of(e));
@@ -230,7 +230,7 @@ fn floored(e: &PyExpr, op: PyOp, a: &PyExpr, b: &PyExpr, scope: &Scope) -> Resul
     Ok(PyExpr::Binary(PyOp::Sub, Box::new(a.clone()), Box::new(whole)))
 }
 
-/// `round(a)`: a half above an even number is rounded down, any other half up.
+/// `round(a)`: halves are rounded to the even neighbour.
 fn rounded(a: &PyExpr, range: &Range<usize>) -> PyExpr {
     let half = || Box::new(PyExpr::Number(0.5));
     let floor = |e: PyExpr| Box::new(PyExpr::Call("floor".into(), vec![e], range.clone()));
@@ -240,8 +240,8 @@ fn rounded(a: &PyExpr, range: &Range<usize>) -> PyExpr {
     PyExpr::Choice(Box::new(is_above_even), floor(a.clone()), floor(up))
 }
 
-/// Appends the code of a call of a function of Python or L-Py: an operation of the machine, or an expression of such operations. The
-/// arguments are resolved.
+/// Appends the bytecode of a call of a function of Python or L-Py, which is an operation of the stack machine or an
+/// expression of such operations. The arguments are resolved.
 fn emit_call(
     name: &str,
     args: &[PyExpr],
@@ -253,7 +253,7 @@ fn emit_call(
         |ops: &mut Vec<Op>, factor: f64| ops.extend([Op::Const(factor), Op::Binary(BinaryOp::Mul, usize::MAX)]);
     let one = |name: &str| UnaryOp::named(name);
     match (name, args) {
-        // Angles are radians in Python, degrees in the operations of the machine.
+        // Angles are in radians in Python, in degrees in the stack machine.
         ("sin" | "cos" | "tan", [a]) => {
             emit(a, scope, ops)?;
             scaled(ops, DEGREES);
@@ -278,7 +278,7 @@ fn emit_call(
             emit(a, scope, ops)?;
             scaled(ops, DEGREES);
         }
-        // Functions that the machine has, and conversions.
+        // Functions with an operation of their own, and conversions.
         ("sqrt" | "exp" | "log" | "floor" | "ceil" | "fabs", [a]) => {
             emit(a, scope, ops)?;
             ops.extend(one(name).map(Op::Unary));
@@ -297,12 +297,13 @@ fn emit_call(
             emit(a, scope, ops)?;
             ops.extend([Op::Unary(UnaryOp::Not), Op::Unary(UnaryOp::Not)]);
         }
-        // The remainder cuts both sides to integers.
+        // The remainder operation truncates both operands to integers.
         ("int" | "trunc", [a]) => {
             emit(a, scope, ops)?;
             ops.extend([Op::Const(CUT), Op::Binary(BinaryOp::Rem, usize::MAX)]);
         }
-        // `Trunc` rounds halves up. Python 3 rounds them to the even neighbour; a random number, which must be drawn once, is no half.
+        // `Trunc` rounds halves up, whereas Python 3 rounds them to the even neighbour. A random number, which must be drawn
+        // only once, is practically never a half.
         ("round", [a]) if has_random(a, scope) => {
             emit(a, scope, ops)?;
             ops.push(Op::Unary(UnaryOp::Trunc));
@@ -313,7 +314,7 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Binary(BinaryOp::Pow, usize::MAX));
         }
-        // Nested choices between two operands. These occur twice in the code, so that they must draw no random number.
+        // Nested choices between two operands. Both occur twice in the code, so that they must not draw random numbers.
         ("min" | "max", [first, rest @ ..]) if !rest.is_empty() => {
             if args.iter().any(|a| has_random(a, scope)) {
                 return Err(Refusal::new(format!("a random number in '{name}'"), range.clone()));
@@ -334,7 +335,7 @@ fn emit_call(
             ops.push(Op::Unary(UnaryOp::Log));
             scaled(ops, std::f64::consts::LOG10_E);
         }
-        // Rounded to this number of decimals.
+        // Round to this number of decimals.
         ("round", [a, digits]) => {
             let digits = constant_of(digits, scope).filter(|d| d.fract().abs() <= 0.0 && d.abs() <= 15.0);
             let digits =
@@ -345,7 +346,7 @@ fn emit_call(
             let whole = PyExpr::Call("round".to_owned(), vec![larger], range.clone());
             emit(&PyExpr::Binary(PyOp::Div, Box::new(whole), unit()), scope, ops)?;
         }
-        // Functions that the machine lacks, by their definitions.
+        // Functions without an operation, by their definitions.
         ("hypot" | "fmod" | "sinh" | "cosh" | "tanh", _) if !args.iter().any(|a| has_random(a, scope)) => {
             let call = |name: &str, a: PyExpr| Box::new(PyExpr::Call(name.to_owned(), vec![a], range.clone()));
             let two = |op: PyOp, a: &PyExpr, b: &PyExpr| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
@@ -354,7 +355,7 @@ fn emit_call(
                     let sum = two(PyOp::Add, &two(PyOp::Mul, a, a), &two(PyOp::Mul, b, b));
                     *call("sqrt", sum)
                 }
-                // The remainder with the sign of the first number.
+                // The remainder has the sign of the first number.
                 ("fmod", [a, b]) => two(PyOp::Sub, a, &two(PyOp::Mul, b, &call("trunc", two(PyOp::Div, a, b)))),
                 (_, [a]) if name != "hypot" && name != "fmod" => {
                     let (up, down) = (call("exp", a.clone()), call("exp", PyExpr::Neg(Box::new(a.clone()))));
@@ -369,7 +370,7 @@ fn emit_call(
             };
             emit(&e, scope, ops)?;
         }
-        // L-Py counts from 0, `Q` from 1 in productions and from 0 in the function before a step.
+        // L-Py counts steps from 0; `Q` counts from 1 in productions, and from 0 in the function before a step.
         ("getIterationNb", []) if scope.is_before_step => ops.push(Op::Step),
         ("getIterationNb", []) => {
             ops.extend([Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)]);
@@ -385,14 +386,14 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Uniform));
         }
-        // A whole number from a to b, both included.
+        // A random integer from a to b, both included.
         ("randint", [a, b]) => {
             emit(a, scope, ops)?;
             emit(b, scope, ops)?;
             ops.extend([Op::Const(1.0), Op::Binary(BinaryOp::Add, usize::MAX), Op::Random(RandomFunction::Uniform)]);
             ops.push(Op::Unary(UnaryOp::Floor));
         }
-        // A whole number below b.
+        // A random integer below b.
         ("randrange", [bounds @ .., b]) if bounds.len() <= 1 => {
             emit(bounds.first().unwrap_or(&PyExpr::Number(0.0)), scope, ops)?;
             emit(b, scope, ops)?;
@@ -403,13 +404,13 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
         }
-        // A function that a variable holds; one that is missing is reported at this place.
+        // The call of a function held by a variable; a missing function is reported at this place.
         (APPLY, [function, x]) => {
             emit(function, scope, ops)?;
             emit(x, scope, ops)?;
             ops.push(Op::Table(TableFunction::Func, scope.call_place(range)));
         }
-        // Values that are no numbers, functions that run as code, and functions that are not known.
+        // Values that are not numbers, functions compiled to code, and unknown functions.
         _ if is_joined_text(&PyExpr::Call(name.to_owned(), args.to_vec(), range.clone())) => {
             return Err(joined_text_refusal(range.clone()));
         }
@@ -439,13 +440,13 @@ fn emit_call(
     Ok(())
 }
 
-/// Appends code after other code, its jumps moved with it.
+/// Appends code after other code, shifting its jump targets.
 pub(super) fn append_code(ops: &mut Vec<Op>, code: &[Op]) {
     let offset = ops.len();
     ops.extend(code.iter().map(|op| shifted(*op, offset)));
 }
 
-/// An instruction moved after others.
+/// An instruction with its jump target shifted.
 fn shifted(op: Op, by: usize) -> Op {
     match op {
         Op::Jump(t) => Op::Jump(t + by),

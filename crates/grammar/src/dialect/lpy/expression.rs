@@ -1,4 +1,4 @@
-//! Expressions of Python: what they are, and how their parts are read and exchanged.
+//! Syntax tree of Python expressions, and how its parts are read and replaced.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -8,27 +8,27 @@ use osier_base::convert::{limit, saturating_index};
 use super::refusal::Refusal;
 use crate::code::is_zero;
 
-/// Operations of one expression after its functions are inserted.
+/// Limit on the operations of one expression after its functions are inlined.
 pub(super) const MAX_OPS: usize = 20_000;
 
-/// Numbers of a list that a rule looks up by an index which is not constant.
+/// Limit on the items of a list that a rule accesses by an index which is not constant.
 pub(super) const MAX_LOOKUP: usize = 256;
 
-/// The numbers that stand for `None` and for an empty text: just above 0, so that no number of a model is one of them, and exact in
-/// single precision, so that parameters keep them. 2^-100 and 2^-101.
+/// The numbers that represent `None` and the empty string, 2^-100 and 2^-101: just above 0, so that no model uses them, and
+/// exact in single precision, so that parameters can store them.
 pub(super) const NONE: f64 = 7.888_609_052_210_118e-31;
 
 const EMPTY: f64 = 3.944_304_526_105_059e-31;
 
-/// The number that stands for the first curve of a model: above those of texts, and with the most curves that are read below 2^24, up to
-/// which whole numbers are exact in single precision.
+/// The number that represents the first curve of a model: above the numbers of strings, and low enough that the numbers of
+/// all curves stay below 2^24, up to which integers are exact in single precision.
 pub(super) const FIRST_CURVE: f64 = 16_000_001.0;
 
-/// An expression of the subset of Python that rules may use; each node keeps its place in the text.
+/// An expression of the supported subset of Python; each node stores its place in the text.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum PyExpr {
     Number(f64),
-    /// A text in quotes, by the number that stands for it.
+    /// A string constant, by the number that represents it.
     Text(f64, Range<usize>),
     Name(String, Range<usize>),
     Neg(Box<Self>),
@@ -36,21 +36,21 @@ pub(super) enum PyExpr {
     Binary(PyOp, Box<Self>, Box<Self>),
     And(Box<Self>, Box<Self>),
     Or(Box<Self>, Box<Self>),
-    /// `then if condition else other`: condition, then, other.
+    /// `then if condition else other`, in the order condition, then, other.
     Choice(Box<Self>, Box<Self>, Box<Self>),
     Call(String, Vec<Self>, Range<usize>),
-    /// The list or dictionary that a change leaves: the one before it, then the arguments of the change.
+    /// The list or dictionary after a change: the one before it, then the arguments of the change.
     Change(ListChange, Vec<Self>, Range<usize>),
-    /// `[a, b]` or `(a, b)`.
+    /// A list `[a, b]` or a tuple `(a, b)`.
     List(Vec<Self>, Range<usize>),
     /// `list[index]`.
     Index(Box<Self>, Box<Self>, Range<usize>),
-    /// `[value for name in list]`: value, name, list. The value may be a choice whose other side is [`NOTHING`], no item.
+    /// `[value for name in list]`: value, name, list. The value may be a choice with [`NOTHING`], which omits the item.
     Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
 impl PyExpr {
-    /// `None` of Python.
+    /// The value `None` of Python.
     pub fn none(range: Range<usize>) -> Self {
         Self::Text(NONE, range)
     }
@@ -75,13 +75,13 @@ pub(super) enum PyOp {
 }
 
 impl PyOp {
-    /// True for comparisons, whose values are 1 and 0.
+    /// True for comparisons, whose result is 1 or 0.
     pub fn compares(self) -> bool {
         matches!(self, Self::Eq | Self::Ne | Self::Lt | Self::Le | Self::Gt | Self::Ge)
     }
 }
 
-/// Changes of a list; all but `Set` are methods of Python, and `Set` is `q[i] = x`, also of a dictionary.
+/// Changes of a list. All but `Set` are methods of Python; `Set` is `q[i] = x`, also for a dictionary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ListChange {
     Append,
@@ -95,13 +95,13 @@ pub(super) enum ListChange {
 }
 
 impl ListChange {
-    /// The change that a method makes; `None` for a method that changes no list.
+    /// The change made by a method; `None` if the method does not change a list.
     pub fn of_method(name: &str) -> Option<Self> {
         let all = [Self::Append, Self::Extend, Self::Insert, Self::Pop, Self::Reverse, Self::Sort, Self::Clear];
         all.into_iter().find(|change| change.word() == name)
     }
 
-    /// Its name in messages, which is that of the method.
+    /// Name of the change in messages, which is the method's.
     pub fn word(self) -> &'static str {
         match self {
             Self::Append => "append",
@@ -115,13 +115,13 @@ impl ListChange {
         }
     }
 
-    /// The refusal of a change that its list or dictionary does not have.
+    /// The refusal of a change that lists or dictionaries do not support.
     pub fn refusal(self, range: &Range<usize>) -> Refusal {
         Refusal::new(format!("this change of a list, '{}'", self.word()), range.clone())
     }
 }
 
-/// Assignments that change a value; signs of two characters before the signs that they end with.
+/// Assignment operators; those of two characters precede those that they end with.
 pub(super) const OPERATORS: [(&str, PyOp); 7] = [
     ("**=", PyOp::Pow),
     ("//=", PyOp::FloorDiv),
@@ -132,46 +132,46 @@ pub(super) const OPERATORS: [(&str, PyOp); 7] = [
     ("/=", PyOp::Div),
 ];
 
-/// Name of the call that stands for `value in list`; a word of Python, so that no function has it.
+/// Name of the call that represents `value in list`; a keyword of Python, so that no function can have it.
 pub(super) const IN: &str = "in";
 
-/// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
+/// Name that replaces a variable of unknown value when a constant is required; no scope contains it.
 pub(super) const UNKNOWN: &str = "(changes)";
 
-/// Name of the call that stands for a text which is put together when the model runs, `f"{x}"`, `str(x)`; no function has it.
+/// Name of the call that represents a string composed at run time, `f"{x}"` or `str(x)`; no function can have it.
 pub(super) const JOINED_TEXT: &str = "(text)";
 
-/// Name of the call of a function that a variable or a text holds: the function, then its argument. No function has it.
+/// Name of the call of a function that a variable or string holds, with the function and its argument; no function can have it.
 pub(super) const APPLY: &str = "(apply)";
 
-/// Name of the call that stands for an object: its arguments are calls of its attributes with their values. No function has it.
+/// Name of the call that represents an object, whose arguments are calls of its attributes with their values; no function can have it.
 pub(super) const OBJECT: &str = "(object)";
 
-/// Prefix of the name of the call that stands for an attribute, `p.age` as `(.)age` of p.
+/// Prefix in the name of the call that represents an attribute: `p.age` is `(.)age` of p.
 pub(super) const ATTRIBUTE: &str = "(.)";
 
-/// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
+/// Name of the call that represents `{key: value}`, with keys and values as alternating arguments; no function can have it.
 pub(super) const DICTIONARY: &str = "{..}";
 
-/// Name of the call that stands for `from:to:step` in the brackets of an index, and of one for a part that is missing.
+/// Names of the calls that represent `from:to:step` in the brackets of an index, and an omitted part of it.
 pub(super) const SLICE: &str = "[:]";
 
 pub(super) const NOTHING: &str = "[]";
 
-/// Name of the call that stands for the items of the lists of a list, `[.. for a in q for b in a]`.
+/// Name of the call that concatenates the lists in a list, for `[.. for a in q for b in a]`.
 pub(super) const FLAT: &str = "[[]]";
 
-/// Prefix of names of the model inside functions, because callers may have variables of the same names.
+/// Prefix for names of the model inside functions, because callers may have variables of the same name.
 const OF_MODEL: &str = "::";
 
-/// Functions whose arguments are numbers, which no text is.
+/// Functions whose arguments must be numbers, not strings.
 pub(super) const OF_NUMBERS: [&str; 28] = [
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "radians", "degrees", "sqrt", "exp", "log", "floor", "ceil",
     "fabs", "abs", "float", "int", "trunc", "round", "pow", "min", "max", "range", "ran", "uniform", "randint",
     "gauss",
 ];
 
-/// The refusal of a text, or of `None`, where a number is expected.
+/// The refusal of a string or `None` where a number is required.
 pub(super) fn text_refusal(value: f64, range: Range<usize>) -> Refusal {
     if is_none(value) {
         let why = Refusal::new("'None' where a number is expected", range);
@@ -185,7 +185,7 @@ pub(super) fn text_refusal(value: f64, range: Range<usize>) -> Refusal {
         .remedy("write the number without quotes; texts can be compared with == and !=, and handed on")
 }
 
-/// The number that stands for a text: whole, above a million, and exact in single precision, so that parameters keep it.
+/// The number that represents a string: an integer above a million, exact in single precision, so that parameters can store it.
 pub(super) fn text_number(text: &str) -> f64 {
     if text.is_empty() {
         return EMPTY;
@@ -194,7 +194,7 @@ pub(super) fn text_number(text: &str) -> f64 {
     f64::from(saturating_index(limit(hash))) + 1_000_000.0
 }
 
-/// Constants of `math`.
+/// The value of a constant of `math`.
 pub(super) fn constant_name(name: &str) -> Option<f64> {
     Some(match name {
         "pi" => std::f64::consts::PI,
@@ -203,17 +203,17 @@ pub(super) fn constant_name(name: &str) -> Option<f64> {
     })
 }
 
-/// True for the number that stands for `None`.
+/// True for the number that represents `None`.
 pub(super) fn is_none(value: f64) -> bool {
     is_zero(value - NONE)
 }
 
-/// True for what stands for no item and for a bound that is missing.
+/// True for an omitted item, and for an omitted bound of a slice.
 pub(super) fn is_nothing(e: &PyExpr) -> bool {
     matches!(e, PyExpr::Call(name, ..) if name == NOTHING)
 }
 
-/// True for a text that is put together when the model runs.
+/// True for a string composed at run time.
 pub(super) fn is_joined_text(e: &PyExpr) -> bool {
     match e {
         PyExpr::Call(name, args, _) => {
@@ -224,7 +224,7 @@ pub(super) fn is_joined_text(e: &PyExpr) -> bool {
     }
 }
 
-/// The refusal of such a text where its value is needed.
+/// The refusal of such a string where its value is required.
 pub(super) fn joined_text_refusal(range: Range<usize>) -> Refusal {
     let why = Refusal::new("a text that is put together while the model runs", range);
     why.remedy(
@@ -242,7 +242,7 @@ pub(super) fn is_dictionary(e: &PyExpr) -> bool {
     matches!(e, PyExpr::Call(name, ..) if name == DICTIONARY)
 }
 
-/// True for numbers, texts, and lists of them.
+/// True for numbers, string constants, and lists of them.
 pub(super) fn is_written_out(e: &PyExpr) -> bool {
     match e {
         PyExpr::Number(_) | PyExpr::Text(..) => true,
@@ -252,12 +252,12 @@ pub(super) fn is_written_out(e: &PyExpr) -> bool {
     }
 }
 
-/// True for a list that a change leaves.
+/// True for the list that results from a change.
 pub(super) fn is_change(e: &PyExpr) -> bool {
     matches!(e, PyExpr::Change(..))
 }
 
-/// The place of an expression; that of a number is not kept.
+/// The place of an expression; numbers do not store theirs.
 pub(super) fn range_of(e: &PyExpr) -> Range<usize> {
     match e {
         PyExpr::Number(_) => 0..0,
@@ -273,7 +273,7 @@ pub(super) fn range_of(e: &PyExpr) -> Range<usize> {
     }
 }
 
-/// The expression with each of its direct parts replaced by what `of` makes of it.
+/// The expression with each direct part replaced by the result of `of`.
 pub(super) fn with_parts(e: &PyExpr, of: &dyn Fn(&PyExpr) -> PyExpr) -> PyExpr {
     let sub = |a: &PyExpr| Box::new(of(a));
     let all = |list: &[PyExpr]| list.iter().map(of).collect::<Vec<_>>();
@@ -293,19 +293,19 @@ pub(super) fn with_parts(e: &PyExpr, of: &dyn Fn(&PyExpr) -> PyExpr) -> PyExpr {
     }
 }
 
-/// The expression with names replaced by expressions; the variable of a list `[.. for name in ..]` hides an equal name.
+/// The expression with names replaced by expressions; the variable of a comprehension `[.. for name in ..]` hides an equal name.
 pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
     let sub = |a: &PyExpr| substitute(a, names, values);
     match e {
         PyExpr::Name(name, _) => names.iter().position(|n| n == name).and_then(|i| values.get(i)).unwrap_or(e).clone(),
-        // In the value, but not in the list, the variable of the comprehension hides others of its name.
+        // The variable of the comprehension hides an equal name in the value, but not in the list.
         PyExpr::Each(value, name, list, range) => {
             let others: (Vec<String>, Vec<PyExpr>) =
                 names.iter().cloned().zip(values.iter().cloned()).filter(|(n, _)| n != name).unzip();
             let value = Box::new(substitute(value, &others.0, &others.1));
             PyExpr::Each(value, name.clone(), Box::new(sub(list)), range.clone())
         }
-        // A function that a parameter holds: `f(x)` with another name, or a value, in place of `f`.
+        // If a parameter holds a function, `f` in `f(x)` is replaced by another name or a value.
         PyExpr::Call(own, args, range) if names.iter().any(|n| n == own) => {
             let args = args.iter().map(sub);
             match names.iter().position(|n| n == own).and_then(|i| values.get(i)) {
@@ -321,7 +321,7 @@ pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyE
     }
 }
 
-/// An expression with another in place of each part that is `part`.
+/// The expression with each part that equals `part` replaced by `by`.
 pub(super) fn exchanged(e: &PyExpr, part: &PyExpr, by: &PyExpr) -> PyExpr {
     if e == part {
         return by.clone();
@@ -329,13 +329,13 @@ pub(super) fn exchanged(e: &PyExpr, part: &PyExpr, by: &PyExpr) -> PyExpr {
     with_parts(e, &|a| exchanged(a, part, by))
 }
 
-/// True if an expression reads a name.
+/// True if the expression reads the name.
 pub(super) fn mentions(e: &PyExpr, name: &str) -> bool {
     substitute(e, &[name.to_owned()], &[PyExpr::Number(0.0)]) != *e
 }
 
-/// The first call of one of some functions, arguments before the call that they are for; none in the values of
-/// `[value for name in list]`, which are computed for each item.
+/// The first call of a function for which `is_one` holds, with arguments before the call they belong to. Values of `[value
+/// for name in list]` are not searched, because they are evaluated for each item.
 pub(super) fn first_call<'e>(e: &'e PyExpr, is_one: &dyn Fn(&str) -> bool) -> Option<&'e PyExpr> {
     let of = |a: &'e PyExpr| first_call(a, is_one);
     match e {
@@ -351,7 +351,7 @@ pub(super) fn first_call<'e>(e: &'e PyExpr, is_one: &dyn Fn(&str) -> bool) -> Op
     }
 }
 
-/// How often an expression reads a name, at the most; a list that is made from another counts as two values.
+/// Upper bound on how often an expression reads a name; a comprehension counts its parts twice.
 pub(super) fn times_read(e: &PyExpr, name: &str) -> usize {
     let times = |e: &PyExpr| times_read(e, name);
     match e {
@@ -367,21 +367,21 @@ pub(super) fn times_read(e: &PyExpr, name: &str) -> usize {
     }
 }
 
-/// A name without the mark of [`of_model`].
+/// A name without the prefix added by [`of_model`].
 pub(super) fn plain_name(name: &str) -> &str {
     name.strip_prefix(OF_MODEL).unwrap_or(name)
 }
 
-/// A name as one of the model, which no variable of a production hides.
+/// A name with the prefix for names of the model, which no variable of a production hides.
 pub(super) fn model_name(name: &str) -> String {
     format!("{OF_MODEL}{}", plain_name(name))
 }
 
-/// The value of a function with its names, other than its parameters and those `kept`, marked as names of the model.
+/// The value of a function in which all names except parameters and `kept` names get the prefix for names of the model.
 pub(super) fn of_model(e: &PyExpr, params: &[String], kept: &[String]) -> PyExpr {
     let mut found = BTreeMap::new();
     append_names(e, &mut found);
-    // Coordinates of vectors and the lists of this reader have names that no value of the model has.
+    // Coordinates of vectors and temporary lists have names that no value of the model can have.
     let is_other = |name: &String| name.contains(['(', '.']) || params.contains(name) || kept.contains(name);
     found.retain(|name, _| !is_other(name));
     let values: Vec<PyExpr> = found.iter().map(|(name, range)| PyExpr::Name(model_name(name), range.clone())).collect();
@@ -389,7 +389,7 @@ pub(super) fn of_model(e: &PyExpr, params: &[String], kept: &[String]) -> PyExpr
     substitute(e, &names, &values)
 }
 
-/// Appends the names that an expression reads, each with the last of its places.
+/// Appends the names that an expression reads, each with its last place.
 fn append_names(e: &PyExpr, out: &mut BTreeMap<String, Range<usize>>) {
     match e {
         PyExpr::Number(_) | PyExpr::Text(..) => {}
@@ -412,7 +412,7 @@ fn append_names(e: &PyExpr, out: &mut BTreeMap<String, Range<usize>>) {
     }
 }
 
-/// Operands of an expression whose names are replaced by expressions.
+/// Number of operands of an expression after names are replaced by expressions.
 pub(super) fn size_with(e: &PyExpr, names: &[String], values: &[PyExpr]) -> usize {
     let sizes: Vec<usize> = values.iter().map(|v| size_of(v, &[], &[])).collect();
     size_of(e, names, &sizes)

@@ -1,4 +1,4 @@
-//! Functions of the model and of productions, and their values as expressions.
+//! Functions of the model and of productions, and their conversion to expressions.
 
 use std::ops::Range;
 
@@ -14,25 +14,25 @@ use super::statement::{MAX_NESTING, Statement, hindrance};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
-/// Upper limit on the statements that are followed through one function.
+/// Limit on the statements evaluated for one function.
 const MAX_STATEMENTS: usize = 4_096;
 
-/// Value of an expression that is a number whatever the variables `names` of its function are.
+/// Value of an expression that does not depend on the variables `names` of its function; `None` if it does.
 fn known_value(e: &PyExpr, names: &[String]) -> Option<f64> {
     let scope = Scope { locals: names.to_vec(), has_none: true, ..Scope::default() };
     crate::vm::constant_value(&compile(e, &scope).ok()?).filter(|v| !v.is_nan())
 }
 
-/// The value of a function of assignments, `if`, `for` and `return` as one expression.
+/// Converts a function of assignments, `if`, `for` and `return` to a single expression.
 struct FunctionValue<'m> {
     pub scope: &'m Scope,
     pub place: Range<usize>,
-    /// Statements that were looked at.
+    /// Number of statements processed.
     pub count: usize,
 }
 
 impl FunctionValue<'_> {
-    /// `statements` with the next one last; `names` and `values` are the variables so far.
+    /// Converts `statements`, the next one last; `names` and `values` are the variables so far.
     pub fn of(
         &mut self,
         mut statements: Vec<Statement>,
@@ -50,7 +50,7 @@ impl FunctionValue<'_> {
                 Statement::Assign(_, e) if is_change(&e) => {
                     return Err(Refusal::new("a list that changes in a function with a value", self.place.clone()));
                 }
-                // A variable stands for its expression, which is copied to each use: it must draw no random number.
+                // A variable is replaced by its expression wherever it is read, so that it must not draw a random number.
                 Statement::Assign(name, e) => {
                     let value = self.value(&e, &names, &values)?;
                     if has_random(&value, self.scope) {
@@ -63,8 +63,8 @@ impl FunctionValue<'_> {
                         values.push(value);
                     }
                 }
-                // Each branch is followed to the end of the function with the statements after the `if`; the tests choose between the
-                // values. Tests of numbers alone, such as those of the variable of a loop, leave one branch.
+                // Follow each branch to the end of the function, including the statements after the `if`; the tests then
+                // choose between the values. A constant test, such as one of a loop variable, leaves a single branch.
                 Statement::If(tests, mut other) => {
                     let mut undecided = Vec::new();
                     for (test, then) in tests {
@@ -102,7 +102,7 @@ impl FunctionValue<'_> {
                     if items.len().saturating_mul(body.len() + 1) > MAX_STATEMENTS {
                         return Err(Refusal::new("'for' with too many turns", self.place.clone()));
                     }
-                    // The loop is unrolled: statements are a stack, so that the last turn is pushed first.
+                    // Unroll the loop. The statements are a stack, so that the last iteration is pushed first.
                     for item in items.into_iter().rev() {
                         statements.extend(body.iter().rev().cloned());
                         statements.push(Statement::Assign(name.clone(), item));
@@ -110,7 +110,7 @@ impl FunctionValue<'_> {
                 }
                 Statement::Return(Some(e), _) => return self.value(&e, &names, &values),
                 Statement::Return(None, place) => return Err(Refusal::new("a function without a value", place)),
-                // Each test must be known, as in a loop that counts: the turns are written out.
+                // Unroll a loop whose tests are all constant, such as one that counts.
                 Statement::While(test, body, place, turn) => {
                     let now = self.value(&test, &names, &values)?;
                     let known = known_value(&now, &names);
@@ -141,11 +141,11 @@ impl FunctionValue<'_> {
     }
 }
 
-/// `name = lambda x: value`.
+/// Reads `name = lambda x: value`.
 pub(super) fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
     let (name, value) = assignment(piece)?;
     let Lambda { params, defaults, value } = lambda(value).filter(|_| is_name(name.text))?;
-    // Values of parameters that are more than numbers and texts would be read again at each call.
+    // Default values other than numbers and strings would be evaluated again by each call.
     let defaults = defaults.into_iter().map(|d| d.map(parse).transpose()).collect::<Result<Vec<_>, _>>().ok()?;
     if defaults.iter().flatten().any(|e| !is_written_out(e)) {
         return None;
@@ -154,11 +154,11 @@ pub(super) fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
 }
 
 impl Model<'_, '_> {
-    /// Reads a `def`. A function with a value is kept as an expression; another one is refused where it is called. The functions
-    /// that L-Py calls become blocks.
+    /// Reads a `def`. A function with a value is stored as an expression; another one is refused where it is called. The
+    /// functions that L-Py calls itself become blocks.
     pub(super) fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
-        // A function that rules call: its body stands after the colon or in the block.
+        // The body of the function is on the line of its heading or in the block.
         let Some(FunctionHead { params, body }) = function_head(rest) else { return };
         let defaults: Vec<Option<PyExpr>> =
             params.iter().map(|(_, value)| value.and_then(|value| self.default_value(value))).collect();
@@ -172,7 +172,7 @@ impl Model<'_, '_> {
             let mut function = FunctionValue { scope: &self.scope, place: range.clone(), count: 0 };
             function.of(list, params.clone(), values, 0)
         });
-        // An expression with a call of a function of statements is no more than its statements.
+        // A function whose expression calls a function of statements counts as a function of statements itself.
         let value = value.ok().filter(|value| first_call(value, &|name| self.has_body(name)).is_none());
         match value {
             Some(value) => {
@@ -181,8 +181,7 @@ impl Model<'_, '_> {
                 let value = of_model(&value, &params, &self.shared);
                 self.scope.functions.insert(name, (params, value));
             }
-            // Productions that call a function of more than one expression run its statements. A call of one that could not be read
-            // is refused there.
+            // A production that calls a function of statements runs these. A call of an unreadable function is refused there.
             None => {
                 self.scope.functions.remove(&name);
                 self.bodies.remove(&name);
@@ -202,19 +201,19 @@ impl Model<'_, '_> {
         }
     }
 
-    /// The value that a parameter of a function has where a call gives none: Python evaluates it once, where the function is defined.
-    /// `None` for one that cannot be read: a call must give it.
+    /// The default value of a parameter, which Python evaluates once, where the function is defined. `None` if it cannot be
+    /// read, so that each call must give the argument.
     pub(super) fn default_value(&self, value: Piece<'_>) -> Option<PyExpr> {
         let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
         value.filter(|e| !has_random(e, &self.scope))
     }
 
-    /// True for the name of a function that is more than one expression.
+    /// True for the name of a function of statements, which is not a single expression.
     pub(super) fn has_body(&self, name: &str) -> bool {
         self.bodies.contains_key(name) && !self.scope.functions.contains_key(name)
     }
 
-    /// Reads those functions again, as statements, that call a function of statements which stands after them.
+    /// Rereads functions that call a function of statements which is defined after them, now as functions of statements themselves.
     pub(super) fn read_callers_again(&mut self, list: &[Line<'_>]) {
         let calls_body = |model: &Self, name: &str| {
             let value = model.scope.functions.get(name).map(|(_, value)| value);
@@ -226,7 +225,7 @@ impl Model<'_, '_> {
             let Some(line) = list.get(i) else { return };
             let (block, _) = block_after(list, i, line.indent);
             let (_, rest) = line.piece.first_word(&['(', ':', '=']);
-            // Values of parameters are those where the function is defined.
+            // Default values keep their values at the definition of the function.
             let defaults = self.scope.defaults.get(&name).cloned().unwrap_or_default();
             self.scope.functions.remove(&name);
             self.function(rest, block, &line.piece.range());
@@ -234,7 +233,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Reads a `def` of a production or a function: a value of its parameters and of the variables around it.
+    /// Reads a `def` inside a production or function, whose value depends on its parameters and the variables around it.
     pub(super) fn own_function(
         &mut self,
         rest: Piece<'_>,
@@ -257,7 +256,7 @@ impl Model<'_, '_> {
         let list = self.statements(lines)?;
         let with_others = |e: &PyExpr| with_functions(e, &self.own_functions, &self.scope);
         let list = list.iter().rev().map(|s| s.mapped(&String::clone, &with_others)).collect();
-        // Other names than its parameters may be variables of the production, whose values are not known here.
+        // Names other than its parameters may be variables of the production, whose values are not known here.
         let (functions, has_none) = (self.scope.functions.clone(), self.scope.has_none);
         let scope = Scope { functions, has_none, ..Scope::default() };
         let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
@@ -267,7 +266,7 @@ impl Model<'_, '_> {
         self.add_own_function(rest.up_to(name.len()), OwnFunction { params, defaults, value })
     }
 
-    /// Adds a function of a production. All its calls mean this one, so that a second one of its name is refused.
+    /// Adds a function of a production. All its calls refer to this definition, so that a second function of the same name is refused.
     pub(super) fn add_own_function(&mut self, name: Piece<'_>, function: OwnFunction) -> Result<(), Refusal> {
         if self.own_functions.insert(name.text.to_owned(), function).is_none() {
             return Ok(());

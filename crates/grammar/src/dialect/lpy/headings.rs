@@ -1,4 +1,4 @@
-//! Headings of a model, and the items that have a value: axiom, derivation length, modules that contexts skip.
+//! Reads the headings of a model, and the items with a value: axiom, derivation length, ignored modules.
 
 use std::ops::Range;
 
@@ -18,13 +18,14 @@ use crate::program::{IgnoredSymbols, Production};
 use crate::symbols::SymbolId;
 use crate::vm;
 
-/// Help for items that stand twice.
+/// Help for repeated items.
 pub(super) const KEEP_ONE: &str = "keep one of them";
-/// Name of the item that names what contexts skip.
+/// Name in messages of the items that list ignored modules.
 const LIST: &str = "the list of 'ignore:' or 'consider:'";
 
 impl Model<'_, '_> {
-    /// Values of the sliders that L-Py saves after the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
+    /// Reads the values of the sliders that L-Py saves after the model: `('name', 'Integer', 5, 1, 10)`, in older files
+    /// without the type.
     pub(super) fn parameters(&mut self, list: &[Line<'_>]) {
         for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
             for part in line.piece.text.split('(').skip(1) {
@@ -44,10 +45,10 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Names that some rule or function declares `global`: they may change from step to step.
+    /// Collects the names that a rule or function declares `global`: their values may change from step to step.
     pub(super) fn shared_names(&mut self, list: &[Line<'_>]) {
         for part in list.iter().flat_map(|line| at_semicolons(line.piece)) {
-            // It may stand after the head of its block: `def Start(): global n`.
+            // The declaration may follow the heading of its block: `def Start(): global n`.
             let at = part.text.rfind("global ").filter(|i| *i == 0 || part.up_to(*i).text.trim_end().ends_with(':'));
             if let Some(at) = at {
                 self.shared.extend(split(part.from(at + "global ".len())).iter().map(|n| n.text.to_owned()));
@@ -55,7 +56,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Collects the names that `module` lines declare, wherever they stand in the file.
+    /// Collects the names that `module` lines declare, anywhere in the file.
     pub(super) fn declarations(&mut self, list: &[Line<'_>]) {
         for line in list {
             let (word, rest) = line.piece.first_word(&[]);
@@ -103,7 +104,7 @@ impl Model<'_, '_> {
             (&["interpretation"], Section::Interpretation),
             (&["homomorphism"], Section::Interpretation),
         ];
-        // Headings of sections, then items with a value, then groups, rules and statements.
+        // Read section headings first, then items with a value, then groups, rules and statements.
         for (words, section) in sections {
             if after_heading(piece, words).is_some_and(|rest| rest.text.is_empty()) {
                 self.section = section;
@@ -132,7 +133,7 @@ impl Model<'_, '_> {
         }
         for (word, hides) in [("ignore", true), ("consider", false)] {
             if let Some(rest) = after_heading(piece, &[word]) {
-                // One replaces the other whichever of the two words each has, for the productions after it.
+                // A later list replaces the earlier one for the productions after it, even if one is `ignore` and the other `consider`.
                 if let Some((_, true)) = self.ignored_line {
                     self.given.remove(LIST);
                 }
@@ -153,7 +154,7 @@ impl Model<'_, '_> {
                 self.group = 0.0;
                 return i + 1;
             }
-            // Module names were read before; views do not change the string.
+            // Module names were collected before; views do not affect the string.
             "module" | "initial_view" => return i + 1,
             _ => {}
         }
@@ -168,7 +169,7 @@ impl Model<'_, '_> {
         self.python(list, i, line)
     }
 
-    /// Reads the productions. As in L-Py they see the values that names of the model have at its end, and functions after them.
+    /// Reads the productions. As in L-Py, they use the final values of the model's names, and functions defined after them.
     pub(super) fn read_productions(&mut self, list: &[Line<'_>]) {
         let blocks: Vec<Range<usize>> = self.run_later.iter().map(|(_, body, _)| body.clone()).collect();
         for body in blocks {
@@ -189,12 +190,12 @@ impl Model<'_, '_> {
             (self.section, self.group, self.ignored) = (section, group, ignored);
             self.rule(list, index);
         }
-        // The functions that L-Py runs do not know the variables of the last one.
+        // Remove the variables of the last production, which the functions that L-Py runs do not know.
         self.scope.locals.clear();
     }
 
     fn constant(&mut self, value: Piece<'_>) -> Option<f64> {
-        // Shared names have the values that they begin with.
+        // Shared names have their initial values.
         let mut scope = self.scope.clone();
         scope.constants.extend(self.initial.clone());
         let code = parse(value).and_then(|e| compile(&e, &scope));
@@ -206,7 +207,7 @@ impl Model<'_, '_> {
         number
     }
 
-    /// The value of an expression of constants; `None` for any other.
+    /// The value of a constant expression; `None` for other expressions.
     pub(super) fn known_number(&self, value: Piece<'_>) -> Option<f64> {
         let mut scope = self.scope.clone();
         scope.constants.extend(self.initial.clone());
@@ -214,7 +215,7 @@ impl Model<'_, '_> {
         vm::constant_value(&code).filter(|v| v.is_finite())
     }
 
-    /// As [`Self::constant`], cut to an integer with L008 if it is a fraction.
+    /// Like [`Self::constant`], but truncated to an integer, with L008 if it is a fraction.
     fn whole_number(&mut self, value: Piece<'_>) -> Option<f64> {
         let n = self.constant(value)?;
         if n.fract().abs() > 0.0 {
@@ -251,8 +252,8 @@ impl Model<'_, '_> {
         self.ignored = if hides { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
     }
 
-    /// Makes the list of all productions with contexts that of the program if it is the same, as it is where it stands before all of
-    /// them.
+    /// If all productions with contexts ignore the same symbols, as they do if a single list precedes them, stores that list
+    /// once, in the program.
     pub(super) fn share_ignored_symbols(&mut self) {
         let program = &mut self.reader.program;
         let sets = [&mut program.rules, &mut program.decomposition, &mut program.homomorphism];
@@ -270,7 +271,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// `Axiom: modules`, or a block of `nproduce`.
+    /// Reads `Axiom: modules`, or a block with `nproduce`.
     fn axiom(&mut self, value: Piece<'_>, block: &[Line<'_>]) {
         self.has_axiom = true;
         let statements = if value.text.is_empty() {
@@ -279,7 +280,7 @@ impl Model<'_, '_> {
             self.modules_of(value, block).map(|m| vec![Statement::Produce(m, true)])
         };
         let Some(statements) = self.settle(statements) else { return };
-        // Variables of the block are none of the model.
+        // Variables of the block do not belong to the model.
         let (mut names, mut globals) = (Vec::new(), Vec::new());
         assigned(&statements, &mut names, &mut globals);
         names.retain(|name| !globals.contains(name));
@@ -308,7 +309,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Modules of an axiom or a successor, which may continue in indented lines.
+    /// Reads the modules of an axiom or a successor, which may continue on indented lines.
     pub(super) fn modules_of(&self, first: Piece<'_>, block: &[Line<'_>]) -> Result<Vec<PyModule>, Refusal> {
         let mut out = modules(first, &self.declared)?;
         for line in block {
@@ -323,7 +324,7 @@ impl Model<'_, '_> {
         out.into_iter().map(|m| self.in_declared_order(m)).collect()
     }
 
-    /// A module with its parameters in the order of the declaration, where they are given by their names: `Leaf(size=2)`.
+    /// A module with its parameters in declared order, if they are given by name: `Leaf(size=2)`.
     pub(super) fn in_declared_order(&self, module: PyModule) -> Result<PyModule, Refusal> {
         let is_named = |arg: &PyExpr| matches!(arg, PyExpr::Call(name, ..) if name.ends_with('='));
         let Some(first) = module.args.iter().find(|arg| is_named(arg)) else { return Ok(module) };

@@ -1,14 +1,14 @@
-//! Names that a model gives to modules of Python and to what it takes from them.
+//! Names that a model gives to Python modules and to their functions.
 
 use super::Model;
 use super::expression::{PyExpr, constant_name};
 use super::pieces::split;
 use crate::dialect::text::{Piece, lines};
 
-/// Modules whose functions are known, by their names.
+/// Names of the Python modules whose functions are known.
 const KNOWN: [&str; 4] = ["math", "random", "numpy", "numpy.random"];
 
-/// Functions of `math` and `random` of other than one parameter.
+/// Functions of `math` and `random` whose number of parameters is not one.
 const OF_SEVERAL: [(&str, usize); 10] = [
     ("random", 0),
     ("atan2", 2),
@@ -22,8 +22,8 @@ const OF_SEVERAL: [(&str, usize); 10] = [
     ("normal", 2),
 ];
 
-/// The text with the names of modules that begin a name such as `m.sqrt`, after `import math as m`, replaced by blanks: functions are
-/// known by their own names. All offsets stay.
+/// The text with prefixes such as `m.` of `m.sqrt`, after `import math as m`, replaced by blanks, because functions are
+/// known by their own names. All offsets stay the same.
 pub(super) fn without_aliases(text: &str) -> String {
     let mut aliases: Vec<&str> = Vec::new();
     for line in lines(text) {
@@ -36,7 +36,8 @@ pub(super) fn without_aliases(text: &str) -> String {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
-    // What stands before a word, then the word. One that begins a line stays, as blanks in its place would indent the line.
+    // Process the text before each word, then the word. A prefix at the beginning of a line is kept, because blanks would
+    // indent the line.
     while let Some(begin) = rest.find(is_word) {
         let (before, tail) = rest.split_at(begin);
         let begins_line = before.rsplit(['\n', '\r']).next().is_none_or(|t| t.trim().is_empty())
@@ -59,7 +60,7 @@ pub(super) fn without_aliases(text: &str) -> String {
     out
 }
 
-/// `name as other`: both names.
+/// Both names in `name as other`.
 fn renamed(part: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let (name, rest) = part.first_word(&[]);
     let (word, other) = rest.first_word(&[]);
@@ -67,8 +68,8 @@ fn renamed(part: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
 }
 
 impl Model<'_, '_> {
-    /// `from math import sqrt as root`: the other name becomes a function of the model. Other imports give names that are known, or that
-    /// are refused where a production uses them.
+    /// Reads an import. `from math import sqrt as root` defines a function `root` of the model. Names of other imports are
+    /// either known, or refused where a production uses them.
     pub(super) fn import(&mut self, piece: Piece<'_>) {
         let (word, rest) = piece.first_word(&[]);
         let (module, _) = rest.first_word(&[]);

@@ -1,29 +1,29 @@
-//! Lines of a model, without comments.
+//! Splits a model into lines, without comments.
 
 use std::ops::Range;
 
 use crate::dialect::text::Piece;
 
-/// A line that is not blank; `indent` in columns.
+/// A line that is not blank; `indent` is in columns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line<'t> {
     pub indent: usize,
     pub piece: Piece<'t>,
 }
 
-/// A line with its indentation; `None` for a blank one.
+/// A line with its indentation; `None` if it is blank.
 pub(super) fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
     let trimmed = piece.trimmed();
     if trimmed.text.is_empty() {
         return None;
     }
     let lead = &piece.text[..trimmed.at - piece.at];
-    // A tab reaches to the next multiple of 8, as in Python.
+    // A tab extends to the next multiple of 8 columns, as in Python.
     let indent = lead.chars().fold(0, |n, c| if c == '\t' { n / 8 * 8 + 8 } else { n + 1 });
     Some(Line { indent, piece: trimmed })
 }
 
-/// Lines of a block after line `i`, which are indented more than it, and the index of the line after them.
+/// Lines of the block after line `i`, which are indented more than it, and the index of the line after the block.
 pub(super) fn block_after<'l, 't>(list: &'l [Line<'t>], i: usize, indent: usize) -> (&'l [Line<'t>], usize) {
     let n = list.get(i + 1..).unwrap_or(&[]).iter().take_while(|l| l.indent > indent).count();
     (&list[i + 1..i + 1 + n], i + 1 + n)
@@ -43,7 +43,7 @@ pub(super) fn after_heading<'t>(piece: Piece<'t>, words: &[&str]) -> Option<Piec
     t.text.starts_with(':').then(|| t.from(1).trimmed())
 }
 
-/// The first comment, or the text in quotes, that opens the file.
+/// The first comment, or the string at the beginning of the file.
 pub(super) fn description(text: &str) -> String {
     let first = text.trim_start();
     let quoted = first.strip_prefix("\"\"\"").and_then(|t| t.split("\"\"\"").next());
@@ -51,27 +51,27 @@ pub(super) fn description(text: &str) -> String {
     line.trim().split(['\n', '\r']).next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
 }
 
-/// Whether a text ends with the heading of an axiom, with nothing after it.
+/// True if a text ends with the heading of an axiom.
 fn begins_axiom(text: &[u8]) -> bool {
     let line = text.rsplit(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
     line.trim_ascii().strip_suffix(b":").is_some_and(|word| word.trim_ascii().eq_ignore_ascii_case(b"axiom"))
 }
 
-/// Signs that mean something outside of texts in quotes.
+/// Characters that have a meaning outside of strings.
 const SIGNS: &[u8; 25] = b"()[]{}:;,=<>#*+-/%.&|!\"'\\";
 
-/// A byte of a text in quotes: signs become control characters, one for each, so that what looks for signs finds none in texts and
-/// different texts stay different.
+/// The replacement of a byte in a string: each character of [`SIGNS`] becomes a control character of its own, so that
+/// searches for these characters skip strings, and different strings stay different.
 pub(super) fn masked(byte: u8) -> u8 {
-    // 0x01 to 0x08 and 0x0e to 0x1e, which are no whitespace.
+    // 0x01 to 0x08 and 0x0e to 0x1e, which are not whitespace.
     let codes = (0x01..=0x08_u8).chain(0x0e..=0x1e);
     SIGNS.iter().zip(codes).find(|(sign, _)| **sign == byte).map_or(byte, |(_, code)| code)
 }
 
-/// A byte in place of a backslash and the line end after it, by which a text in quotes continues in the next line; no part of the text.
+/// Replacement of a backslash and line end within a string, which continue it on the next line without being part of it.
 pub(super) const JOINED: u8 = 0x1f;
 
-/// Number of bytes of the character that begins `text`, a rest of a text in quotes, with the backslash before it.
+/// Number of bytes of the character at the beginning of `text`, which is the rest of a string, with the backslash before it.
 fn quoted_character(text: &[u8]) -> usize {
     match text {
         [b'\\', b'\r', b'\n', ..] => 3,
@@ -80,7 +80,7 @@ fn quoted_character(text: &[u8]) -> usize {
     }
 }
 
-/// Masks the signs of a text in quotes, and joins its lines.
+/// Masks the characters of a string, and joins its lines.
 fn mask_text(text: &mut [u8]) {
     let mut i = 0;
     while let Some(rest) = text.get_mut(i..).filter(|rest| !rest.is_empty()) {
@@ -91,8 +91,9 @@ fn mask_text(text: &mut [u8]) {
     }
 }
 
-/// The text with comments, texts in triple quotes, line ends within parentheses and line ends after a backslash replaced by
-/// blanks, so that all offsets stay; signs within other texts are [`masked`], their lines [`JOINED`].
+/// The text in which comments, strings in triple quotes, line ends within parentheses and line ends after a backslash are
+/// replaced by blanks, so that all offsets stay the same. Characters within other strings are [`masked`], and their line
+/// ends become [`JOINED`].
 pub(super) fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out: Vec<u8> = bytes.to_vec();
@@ -106,14 +107,14 @@ pub(super) fn without_comments(text: &str) -> String {
         let rest = &bytes[i..];
         let triple = [&b"\"\"\""[..], &b"'''"[..]].into_iter().find(|q| rest.starts_with(q));
         if let Some(quotes) = triple {
-            // Both quotes and what lies between; a text that is not closed reaches to the end of the file.
+            // Length including both triple quotes; an unclosed string extends to the end of the file.
             let inner = rest[3..].windows(3).position(|w| w == quotes).map_or(rest.len(), |n| n + 6);
             blank(&mut out, i..i + inner);
             i += inner;
             continue;
         }
         match b {
-            // Early versions set the width with `#`, and their axioms begin with it; a comment there would leave no axiom.
+            // Early versions set the width with `#`, so that an axiom may begin with it; read as a comment, it would leave no axiom.
             b'#' if rest.starts_with(b"#(") && begins_axiom(&bytes[..i]) => out[i] = b'_',
             b'#' => {
                 let end = rest.iter().position(|c| matches!(c, b'\n' | b'\r')).unwrap_or(rest.len());
@@ -135,12 +136,12 @@ pub(super) fn without_comments(text: &str) -> String {
             }
             b'(' => depth += 1,
             b')' => depth = depth.saturating_sub(1),
-            // A list or dictionary that is assigned to a name may span several lines. Its bracket stands after a `=`, that of a branch
-            // or polygon does not.
+            // A list or dictionary assigned to a name may span several lines. Its bracket follows a `=`, unlike that of a
+            // branch or polygon.
             b'[' | b'{' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
             b']' | b'}' => list = list.saturating_sub(1),
             b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',
-            // A heading that begins a line was not meant to be a parameter: the parenthesis before it lacks its partner.
+            // A heading at the beginning of a line cannot be a parameter: the parenthesis before it is not closed.
             b'\n' | b'\r' if depth > 0 => {
                 if rest.get(1).is_some_and(|c| matches!(c, b' ' | b'\t' | b')' | b'\n' | b'\r')) {
                     out[i] = b' ';
@@ -155,8 +156,8 @@ pub(super) fn without_comments(text: &str) -> String {
     String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
 }
 
-/// Length of a text in quotes at the beginning of some bytes, whose '#' is no comment; it ends at its quote or at the end of the line,
-/// unless a backslash stands before it.
+/// Length of the string at the beginning of `bytes`, in which '#' does not begin a comment. It ends at its quote, or at the
+/// end of the line unless a backslash precedes that.
 fn quoted_length(bytes: &[u8]) -> usize {
     let quote = bytes.first().copied();
     let mut i = 1;

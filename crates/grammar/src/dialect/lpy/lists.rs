@@ -10,13 +10,13 @@ use super::refusal::Refusal;
 use super::scope::{Scope, has_random};
 use crate::code::is_zero;
 
-/// Upper limit on the numbers of a `range(..)`.
+/// Limit on the numbers of a `range(..)`.
 const MAX_ITEMS: f64 = 10_000.0;
 
-/// Most items of a list that `in` compares with, one after the other.
+/// Limit on the items that `in` compares with, one after the other.
 const MAX_MEMBERS: usize = 64;
 
-/// An item of a list; an index below 0 counts from the end. An index that is not constant becomes a choice.
+/// An item of a list; a negative index counts from the end. An index that is not constant becomes a choice between the items.
 pub(super) fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let n = f64::from(saturating_index(items.len()));
     if let Some(i) = constant_of(index, scope) {
@@ -25,7 +25,7 @@ pub(super) fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Rang
         let found = (i >= 0.0 && i < n).then(|| items.get(i as usize)).flatten();
         return found.cloned().ok_or_else(|| Refusal::new("an index outside of its list", range.clone()));
     }
-    // An index that is not constant is compared with each position, so that the items must need no draw.
+    // An index that is not constant is compared with each position, so that the items must not draw random numbers.
     let draws = items.iter().any(|e| has_random(e, scope));
     let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && !draws) else {
         return Err(Refusal::new("an index of this list that is not constant", range.clone()));
@@ -37,7 +37,7 @@ pub(super) fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Rang
         return Err(Refusal::new("an expression that grows too large", range.clone()));
     }
     let is = |k: f64| Box::new(PyExpr::Binary(PyOp::Eq, Box::new(index.clone()), Box::new(PyExpr::Number(k))));
-    // The last item is taken where the index equals no other position.
+    // The last item is taken if the index equals no other position.
     let mut out = last.clone();
     for (k, value) in others.iter().enumerate().rev() {
         let k = f64::from(saturating_index(k));
@@ -46,7 +46,7 @@ pub(super) fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Rang
     Ok(out)
 }
 
-/// The items `from:to:step` of a list, with bounds that are constant.
+/// The items `from:to:step` of a list, with constant bounds.
 pub(super) fn slice(
     items: &[PyExpr],
     parts: &[PyExpr],
@@ -64,7 +64,7 @@ pub(super) fn slice(
     if is_zero(step) {
         return Err(refused());
     }
-    // As in Python: bounds below 0 count from the end, and those beyond the list are its ends.
+    // As in Python, negative bounds count from the end, and bounds beyond the list are clamped.
     let (low, high) = if step > 0.0 { (0.0, n) } else { (-1.0, n - 1.0) };
     let bound = |v: f64| {
         let from_begin = if v < 0.0 { v + n } else { v };
@@ -80,7 +80,7 @@ pub(super) fn slice(
     Ok(PyExpr::List((0..count).filter_map(at).collect(), range.clone()))
 }
 
-/// An operation on numbers, `list + list` or `list * number`.
+/// An arithmetic operation, or `list + list` or `list * number`.
 pub(super) fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) -> Result<PyExpr, Refusal> {
     let (items, range) = match (op, &*a, &*b) {
         (PyOp::Add, PyExpr::List(first, range), PyExpr::List(rest, _)) => {
@@ -104,7 +104,7 @@ pub(super) fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) 
     Ok(PyExpr::List(items, range.clone()))
 }
 
-/// A list of constant numbers in ascending order.
+/// Sorts a list of constant numbers in ascending order.
 pub(super) fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let number = |e: &PyExpr| constant_of(e, scope).filter(|_| !matches!(e, PyExpr::Text(..)));
     let numbers = items.iter().map(number).collect::<Option<Vec<f64>>>();
@@ -127,7 +127,7 @@ pub(super) fn numbers_of_range(args: &[PyExpr], scope: &Scope, range: &Range<usi
         [from, to, step] => (*from, *to, *step),
         _ => return Err(refused()),
     };
-    // As in Python the end is not included; with a step of 0 it is never reached.
+    // As in Python, the end is excluded; with a step of 0 it is never reached.
     let count = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { f64::INFINITY };
     if count > MAX_ITEMS {
         return Err(Refusal::new("a range of too many numbers", range.clone()));
@@ -137,7 +137,7 @@ pub(super) fn numbers_of_range(args: &[PyExpr], scope: &Scope, range: &Range<usi
     Ok(PyExpr::List((0..count).map(|k| PyExpr::Number(from + f64::from(k) * step)).collect(), range.clone()))
 }
 
-/// `zip(list, other)`: lists of the first items, of the second items and so on, as many as the shortest list has.
+/// `zip(list, other)`: a list of the first items, one of the second items and so on, up to the length of the shortest list.
 pub(super) fn zipped(lists: &[PyExpr], range: &Range<usize>) -> PyExpr {
     let all: Vec<&[PyExpr]> = lists
         .iter()
@@ -148,7 +148,7 @@ pub(super) fn zipped(lists: &[PyExpr], range: &Range<usize>) -> PyExpr {
     PyExpr::List((0..length).map(row).collect(), range.clone())
 }
 
-/// The items of lists, one list after the other.
+/// Concatenates lists.
 pub(super) fn flat(lists: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let mut out = Vec::new();
     for list in lists {
@@ -163,7 +163,7 @@ pub(super) fn flat(lists: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Ref
     Ok(PyExpr::List(out, range.clone()))
 }
 
-/// The constant that `enumerate` counts from, `start=1` or `1`; 0 without one.
+/// The constant from which `enumerate` counts, `start=1` or `1`; 0 if it is not given.
 pub(super) fn first_number(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<f64, Refusal> {
     let Some(arg) = args.first() else { return Ok(0.0) };
     let value = match arg {
@@ -174,7 +174,7 @@ pub(super) fn first_number(args: &[PyExpr], scope: &Scope, range: &Range<usize>)
         .ok_or_else(|| Refusal::new("'enumerate' from a number that is not constant", range.clone()))
 }
 
-/// `list.index(value)`: the first position of a value among constant ones.
+/// `list.index(value)`: the first position of a value in a list of constants.
 pub(super) fn index_of(
     value: &PyExpr,
     items: &[PyExpr],
@@ -191,7 +191,7 @@ pub(super) fn index_of(
     Err(Refusal::new("'index' of a value that its list does not have", range.clone()))
 }
 
-/// `value in list`: whether the value equals one of the items.
+/// `value in list`: true if the value equals an item.
 pub(super) fn is_one_of(
     value: &PyExpr,
     items: &[PyExpr],
@@ -211,7 +211,7 @@ pub(super) fn is_one_of(
     Ok(items.iter().map(equals).reduce(either).unwrap_or(PyExpr::Number(0.0)))
 }
 
-/// One item of a list, each as likely as the others: the first of n items with a chance of 1/n, else one of the n - 1 others.
+/// A random item of a list with equal probabilities: the first of n items with probability 1/n, else one of the other n - 1.
 pub(super) fn one_of(items: &[PyExpr], range: &Range<usize>) -> PyExpr {
     let mut out = items[items.len() - 1].clone();
     for (left, item) in (2_u32..).zip(items.iter().rev().skip(1)) {
@@ -222,7 +222,7 @@ pub(super) fn one_of(items: &[PyExpr], range: &Range<usize>) -> PyExpr {
     out
 }
 
-/// The list that a change leaves, from the resolved list before it and the resolved arguments of the change.
+/// The list after a change, from the resolved list before it and the resolved arguments of the change.
 pub(super) fn changed(
     change: ListChange,
     before: &PyExpr,
@@ -232,7 +232,7 @@ pub(super) fn changed(
 ) -> Result<PyExpr, Refusal> {
     let refused = || change.refusal(range);
     let PyExpr::List(items, place) = before else { return Err(refused()) };
-    // Each change does what the method of Python of that name does.
+    // Each change does the same as the Python method of that name.
     let mut items = items.clone();
     match (change, args) {
         (ListChange::Append, [value]) => items.push(value.clone()),
@@ -263,7 +263,7 @@ pub(super) fn changed(
     Ok(PyExpr::List(items, place.clone()))
 }
 
-/// The position of a constant index, which counts from the end below 0.
+/// The position of a constant index; a negative one counts from the end.
 fn position(index: &PyExpr, length: usize, scope: &Scope) -> Option<usize> {
     let n = f64::from(saturating_index(length));
     let i = constant_of(index, scope).filter(|i| i.fract().abs() <= 0.0)?;

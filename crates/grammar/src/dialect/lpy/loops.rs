@@ -1,4 +1,4 @@
-//! Loops on a way through a production: written out turn by turn, or run as code.
+//! Loops on an execution path through a production: unrolled, or compiled to code.
 
 use std::ops::Range;
 
@@ -12,16 +12,16 @@ use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way};
 use crate::code::is_zero;
 use crate::vm;
 
-/// Upper limit on the turns of a loop whose end is not constant, but bounded.
+/// Limit on the iterations of a loop whose end is bounded, but not constant.
 const MAX_COUNTED: f64 = 100.0;
 
-/// Turns that are read of a loop whose end has no known bound.
+/// Number of iterations that are unrolled for a loop whose end has no known bound.
 const MAX_UNKNOWN: u32 = 64;
 
-/// Turns of a `while` whose tests are known, which are written out.
+/// Limit on the unrolled iterations of a `while` with constant tests.
 const MAX_KNOWN_TURNS: u32 = 2_000;
 
-/// The end of `range(end)`.
+/// The argument `end` of `range(end)`.
 fn range_end(list: &PyExpr) -> Option<PyExpr> {
     match list {
         PyExpr::Call(name, args, _) if name.ends_with("range") && args.len() == 1 => args.first().cloned(),
@@ -29,19 +29,19 @@ fn range_end(list: &PyExpr) -> Option<PyExpr> {
     }
 }
 
-/// A loop over `range(from, end, step)` as one over a range from 0.
+/// A loop over `range(from, end, step)`, converted to a loop over a range from 0.
 struct CountedRange {
-    /// Sets the variable of the beginning, which the turns may read.
+    /// Sets the variable of the range's beginning, which the iterations may read.
     begin: Statement,
     /// `range(turns)`.
     turns: PyExpr,
-    /// Variable of the number of the turn.
+    /// Variable that counts the iterations.
     name: String,
-    /// Value of the variable of the model's loop in a turn.
+    /// Value of the original loop variable in an iteration.
     value: PyExpr,
 }
 
-/// Refuses a loop of more turns than are written out.
+/// Refuses a loop with too many iterations to unroll.
 fn check_turns(turns: usize, body: &[Statement], place: Range<usize>) -> Result<(), Refusal> {
     if turns.saturating_mul(body.len() + 1) > MAX_STEPS {
         return Err(Refusal::new("'for' with too many turns", place));
@@ -50,7 +50,7 @@ fn check_turns(turns: usize, body: &[Statement], place: Range<usize>) -> Result<
 }
 
 impl Model<'_, '_> {
-    /// Writes a `for` out turn by turn, or makes it a `while`.
+    /// Unrolls a `for` loop, or converts it to a `while` loop.
     pub(super) fn for_loop(
         &mut self,
         name: String,
@@ -75,7 +75,7 @@ impl Model<'_, '_> {
         if let Some(list) = self.list_of(list, &now.way) {
             return self.loop_over_items(&name, &list, &body, place, now);
         }
-        // `range(from, end, step)` whose turns are not known counts them from 0.
+        // Convert a `range(from, end, step)` whose values are not known to a loop that counts from 0.
         if let Some(counted) = self.counted(list, &now.way) {
             let mut turn = vec![Statement::Assign(name, counted.value)];
             turn.extend(body);
@@ -93,7 +93,7 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// The items of a list that are not constant are taken before the first turn.
+    /// Unrolls a loop over a list whose items are not constant, storing the items before the first iteration.
     fn loop_over_items(
         &mut self,
         name: &str,
@@ -121,7 +121,7 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// A loop over `range(end)` that only computes runs as often as it must.
+    /// Converts a loop over `range(end)` that only computes numbers to a `while` loop, which runs until its end at run time.
     fn loop_that_computes(
         &mut self,
         name: String,
@@ -135,16 +135,16 @@ impl Model<'_, '_> {
         let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
         let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
         let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(1.0)));
-        // Counted first, so that `continue` does not pass over it.
+        // Count at the beginning, so that `continue` does not skip it.
         let mut turn = vec![Statement::Assign(name, at(&count)), Statement::Assign(count.clone(), next)];
         turn.extend(body);
         now.left.push(Statement::While(test, turn, place, 0));
         now.left.push(Statement::Assign(count, PyExpr::Number(0.0)));
-        // Evaluated once: the body may change what it reads, and it may draw a random number.
+        // Evaluate the end only once: the body may change variables in it, and it may draw a random number.
         now.left.push(Statement::Assign(last, end));
     }
 
-    /// Unrolls a loop over `range(end)` to its largest number of turns, each inside the condition that the loop gets that far.
+    /// Unrolls a loop over `range(end)` to its largest number of iterations, each within the condition that the loop reaches it.
     fn bounded_loop(
         &mut self,
         name: &String,
@@ -174,7 +174,7 @@ impl Model<'_, '_> {
         now.left.append(&mut inner);
     }
 
-    /// The ways after the test of a `while`, the first to try first. `turn`: how many turns lie after it.
+    /// The execution paths after the test of a `while` loop, in the order of trial. `turn`: number of iterations unrolled before.
     pub(super) fn while_loop(
         &mut self,
         test: PyExpr,
@@ -191,13 +191,13 @@ impl Model<'_, '_> {
             return Ok(vec![now]);
         }
         let computes = only_computes(&body);
-        // The test holds: a loop that makes modules is written out, so that what it makes is known, and so is one of the axiom, which
-        // has no code of its own.
+        // The test holds: unroll the loop if it does more than compute numbers, so that the modules it makes are known, or
+        // if it is in an axiom, which has no code of its own.
         if known.is_some() && (self.is_in_axiom || !computes || turn > 0) {
             if turn > MAX_KNOWN_TURNS {
                 return Err(Refusal::new("'while' with too many turns", place));
             }
-            // A `break` on a condition that is not known ends it: each turn makes a way, as a test would.
+            // A `break` may end the loop on an unknown condition: each iteration then adds an execution path, as an unknown test would.
             let conditions = now.way.steps.iter().filter(|s| matches!(s, Step::Condition(..))).count();
             if turn >= MAX_UNKNOWN && u32::try_from(conditions).is_ok_and(|n| n >= MAX_UNKNOWN) {
                 self.turns_left_out(place);
@@ -231,7 +231,7 @@ impl Model<'_, '_> {
         Ok([Some(taken).filter(|_| goes_on), Some(now).filter(|_| ends)].into_iter().flatten().collect())
     }
 
-    /// L008 for a `while` of more turns than are read.
+    /// L008 for a `while` loop with more iterations than are unrolled.
     fn turns_left_out(&mut self, place: Range<usize>) {
         let at = self.reader.place(place);
         let message = format!("this 'while' makes modules: read with up to {MAX_UNKNOWN} turns");
@@ -239,7 +239,7 @@ impl Model<'_, '_> {
         self.reader.session.warning("L008", message, at, help);
     }
 
-    /// Values that the variable of a `for` loop takes, one per turn; a list that is not constant is refused.
+    /// Values of a `for` loop's variable, one for each iteration; a list that is not constant is refused.
     fn turns(&self, list: &PyExpr, place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
         let is_constant = |e: &PyExpr| compile(e, &self.scope).is_ok_and(|code| vm::constant_value(&code).is_some());
         let refused = || match list {
@@ -259,7 +259,7 @@ impl Model<'_, '_> {
         items.iter().map(number).collect()
     }
 
-    /// The parts of a loop over `range(from, end)` or `range(from, end, step)`, the step constant; `None` for any other list.
+    /// The parts of a loop over `range(from, end)` or `range(from, end, step)` with a constant step; `None` for other lists.
     fn counted(&mut self, list: &PyExpr, way: &Way) -> Option<CountedRange> {
         let PyExpr::Call(function, args, place) = list else { return None };
         let (from, end, step) = match args.as_slice() {
@@ -274,7 +274,7 @@ impl Model<'_, '_> {
         self.temporaries += 1;
         let at = |name: &str| PyExpr::Name(name.to_owned(), place.clone());
         let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
-        // A beginning that is constant stays a number, so that a largest number of turns is found.
+        // Keep a constant beginning as a number, so that the largest number of iterations can be found.
         let first = self.known_value(from, way).map_or_else(|| at(&begin), PyExpr::Number);
         let (low, high) = if step > 0.0 { (first.clone(), end.clone()) } else { (end.clone(), first.clone()) };
         let span = two(PyOp::Sub, high, low);
@@ -292,7 +292,8 @@ impl Model<'_, '_> {
         })
     }
 
-    /// The end of `range(end)` and how many turns are read: the most that there may be, else [`MAX_UNKNOWN`] with a warning L008.
+    /// The end of `range(end)` and the number of iterations to unroll: the upper bound of the end, or [`MAX_UNKNOWN`] with a
+    /// warning L008.
     fn last_turn(&mut self, list: &PyExpr, way: &Way, place: &Range<usize>) -> Option<(PyExpr, u32)> {
         let PyExpr::Call(name, args, _) = list else { return None };
         let [end] = args.as_slice() else { return None };
@@ -312,7 +313,7 @@ impl Model<'_, '_> {
         Some((end.clone(), turns))
     }
 
-    /// True if all names of an expression are known after the steps of a way.
+    /// True if all names of an expression are known after the steps of an execution path.
     fn is_readable(&self, e: &PyExpr, way: &Way) -> bool {
         let mut scope = self.scope.clone();
         for step in &way.steps {
@@ -329,23 +330,23 @@ impl Model<'_, '_> {
         compile(e, &scope).is_ok()
     }
 
-    /// Upper bound on the value of an expression after these steps of a way; `None` if none is found.
+    /// Upper bound on the value of an expression after these steps of an execution path; `None` if there is none.
     fn at_most(&self, e: &PyExpr, steps: &[Step], depth: usize) -> Option<f64> {
         if depth > 32 {
             return None;
         }
         let of = |e: &PyExpr| self.at_most(e, steps, depth + 1);
-        // Variables of the way hide values of the model.
+        // Variables of the path hide values of the model.
         let fixed = |e: &PyExpr| {
             let code = compile(e, &self.scope).ok()?;
             vm::constant_value(&code).filter(|_| !steps.iter().any(|s| s.changes(e)))
         };
         match e {
             PyExpr::Name(name, _) => {
-                // The last assignment before this place counts; what it reads was assigned before it.
+                // Use the last assignment to the name; the variables it reads were assigned before it.
                 let last = steps.iter().enumerate().rev().find_map(|(i, s)| match s {
                     Step::Assign(n, e) if n == name => Some((i, Some(e))),
-                    // A loop may assign anything.
+                    // A loop may assign any value.
                     Step::Loop(..) if s.assigns(name) => Some((i, None)),
                     _ => None,
                 });
@@ -356,7 +357,8 @@ impl Model<'_, '_> {
             }
             PyExpr::Binary(PyOp::Add, a, b) => Some(of(a)? + of(b)?),
             PyExpr::Binary(PyOp::Sub, a, b) => Some(of(a)? - fixed(b)?),
-            // Bounds hold for divisors and factors that are constant and not negative; a dividend below 0 is at most 0.
+            // Only bounds with constant divisors and nonnegative constant factors are derived; a quotient with a negative
+            // dividend is at most 0.
             PyExpr::Binary(PyOp::Div, a, b) => Some(of(a)?.max(0.0) / fixed(b).filter(|b| *b > 0.0)?),
             PyExpr::Binary(PyOp::Mul, a, b) => {
                 let (factor, other) = fixed(a).map_or_else(|| (fixed(b), a), |a| (Some(a), b));
@@ -371,7 +373,7 @@ impl Model<'_, '_> {
                 ("round" | "ceil", [a]) => Some(of(a)?.max(0.0) + 1.0),
                 ("min", args) => args.iter().filter_map(of).reduce(f64::min),
                 ("max", args) => args.iter().map(of).reduce(|a, b| Some(a?.max(b?))).flatten(),
-                // A function of the model: its body with the arguments in place of its parameters.
+                // For a function of the model, replace the parameters in its body by the arguments.
                 _ => {
                     let (params, body) = self.scope.functions.get(name).filter(|f| f.0.len() == args.len())?;
                     (size_with(body, params, args) <= MAX_STEPS).then(|| of(&substitute(body, params, args))).flatten()

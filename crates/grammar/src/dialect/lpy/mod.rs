@@ -1,5 +1,5 @@
-//! Models of L-Py: rules, and of Python the statements and expressions that docs/dialects.md lists. A production with `if` becomes one
-//! production for each way through it.
+//! Reads models of L-Py: rules, and the statements and expressions of Python that docs/dialects.md lists. A production with
+//! `if` becomes one production for each execution path through it, which the code calls a way.
 
 mod assignment;
 mod block;
@@ -63,7 +63,7 @@ enum Section {
     Interpretation,
 }
 
-/// The line of a production, and what of the lines before holds for it.
+/// The line of a production, and the settings of earlier lines that apply to it.
 #[derive(Debug)]
 struct ProductionLine {
     index: usize,
@@ -75,7 +75,7 @@ struct ProductionLine {
 struct Model<'r, 's> {
     /// The text of the file.
     text: &'r str,
-    /// Places of the texts in quotes that names of the model stand for.
+    /// Places of string constants, by the names of the model that refer to them.
     texts: BTreeMap<String, Range<usize>>,
     reader: &'r mut Reader<'s>,
     scope: Scope,
@@ -84,67 +84,67 @@ struct Model<'r, 's> {
     module_parameters: BTreeMap<String, Vec<String>>,
     section: Section,
     group: f64,
-    /// The model calls `useGroup()`.
+    /// True if the model calls `useGroup()`.
     uses_groups: bool,
     has_axiom: bool,
-    /// Lines of the items that a model has once, by their names.
+    /// Lines of the items that may occur once, by name.
     given: BTreeMap<&'static str, usize>,
-    /// The statements that are read are those of the axiom: their loops are written out.
+    /// True while the statements of the axiom are read, whose loops are unrolled.
     is_in_axiom: bool,
-    /// Number of statements of Python that the model could not run without.
+    /// Number of refused Python statements that the model needs.
     refusals: usize,
-    /// What the values of the model compute before the first step.
+    /// Code that computes the values of the model before the first step.
     start: Vec<Op>,
-    /// Functions that L-Py runs: at the beginning, before and after each step.
+    /// Code of the functions that L-Py runs at the beginning, before and after each step.
     functions: RunFunctions,
-    /// Names that rules and functions declare `global`.
+    /// Names declared `global` by rules and functions.
     shared: Vec<String>,
-    /// Values of shared names before the first step, for items that need a constant.
+    /// Initial values of shared names, for items that need a constant.
     initial: BTreeMap<String, f64>,
-    /// How many variables and lists this reader has named. Values of the model are among them, so that no production uses a number again.
+    /// Number of variables and lists named by this reader. It also counts names used for values of the model, so that no
+    /// production reuses a number.
     temporaries: usize,
-    /// Functions that are more than one expression, by name: their parameters and statements.
+    /// Functions of statements, by name: their parameters and statements.
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
-    /// Parameters of modules that have been made or met in heads, where the model has lists or vectors as parameters.
+    /// Shapes of the parameters of modules made or matched so far, if the model has lists or vectors as parameters.
     shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
     /// Attributes of objects that some line of the model sets.
     changed_attributes: BTreeSet<String>,
-    /// Written shapes of the parameters of modules that have lists or vectors.
+    /// Shapes of the parameters of modules with lists or vectors, derived from the text.
     written_shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
-    /// Names of all functions of the model, also of those that stand further down.
+    /// Names of all functions of the model, including those defined later in the file.
     defined: BTreeSet<String>,
-    /// Lines of the functions of the model, by their names.
+    /// Line of each function of the model, by name.
     definitions: BTreeMap<String, usize>,
-    /// Lists of the model that have two names.
+    /// Lists of the model that two names refer to.
     shared_lists: BTreeSet<String>,
-    /// Functions that the production which is read defines.
+    /// Functions that the current production defines.
     own_functions: BTreeMap<String, OwnFunction>,
-    /// Places of the loops that run as code, which each block with loops has a copy of.
+    /// Places of the loops compiled to code; each block with loops stores a copy.
     loop_places: Vec<SourcePlace>,
-    /// How many parameters `*args` stands for in the present reading of a head.
+    /// Number of parameters that `*args` represents in the current reading of a head.
     star: usize,
-    /// Lists that the head of the present rule names, with those of the model that have these names.
+    /// Lists in the head of the current rule, by name, each with the list of the model that it hides.
     rule_lists: Vec<(String, Option<PyExpr>)>,
-    /// Names and numbers of parameters of modules as the text has them.
+    /// Names of modules and numbers of their parameters in the text.
     arities: BTreeSet<(String, usize)>,
-    /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line
-    /// of the body, place.
+    /// Functions that L-Py runs, to be read once all values of the model are known: name, lines of the body, place.
     run_later: Vec<(String, Range<usize>, Range<usize>)>,
-    /// What contexts skip: the last list of `ignore` or `consider` before the line that is read.
+    /// Ignored symbols of contexts: the last list of `ignore` or `consider` before the current line.
     ignored: IgnoredSymbols,
-    /// The line of that list, and whether a production follows it.
+    /// Place of that list, and whether a production follows it.
     ignored_line: Option<(Range<usize>, bool)>,
-    /// Productions, which are read when all values and functions of the model are known.
+    /// Productions, to be read once all values and functions of the model are known.
     productions: Vec<ProductionLine>,
-    /// Parameters of the function that is read, which L-Py runs: the string, and what was drawn.
+    /// Parameters of the function being read, if L-Py runs it: the string and the drawing.
     run_parameters: Vec<String>,
-    /// `backward()` was called, or `forward()`; `None`: neither.
+    /// True after `backward()`, false after `forward()`, `None` if neither was called.
     direction: Option<bool>,
 }
 
-/// Reads a model of L-Py into the reader's program: sections, rules, and values computed outside of rules.
+/// Reads a model of L-Py into the reader's program: sections, rules, and values outside of rules.
 pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
-    // Remove comments and import aliases, and divide the text into lines.
+    // Remove comments and import aliases, and split the text into lines.
     reader.description = description(text);
     let plain = imports::without_aliases(&without_comments(text));
     let list: Vec<Line<'_>> = lines(&plain).filter_map(line_of).collect();
@@ -191,11 +191,11 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
     if model.uses_groups {
         model.scope.global(GROUP);
     }
-    // Properties of the whole text, on which the reading of its lines depends.
+    // Properties of the whole text that affect how its lines are read.
     model.scope.has_none = ["None", "''", "\"\"", ".get("].iter().any(|text| plain.contains(text));
     model.scope.is_backward = plain.contains("backward()");
     model.shared_names(&list);
-    // Sliders and module names first: L-Py knows them wherever the file has them.
+    // Sliders and module names come first, because L-Py knows them anywhere in the file.
     model.parameters(&list);
     model.classes(&list);
     model.curves(&list);
@@ -203,13 +203,13 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
     model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
-    // Then the shapes of parameters, the lines in order, and the productions, which see all values of the model.
+    // Then come the shapes of parameters, the lines in order, and the productions, which use all values of the model.
     model.find_shapes(&list);
     model.lines(&list);
     model.read_productions(&list);
-    // Functions that L-Py calls itself, such as `StartEach`, come last: they may use all names.
+    // Functions that L-Py calls itself, such as `StartEach`, come last, because they may use all names.
     for (name, body, place) in std::mem::take(&mut model.run_later) {
-        // The body may stand on the line of the head: `def Start(): backward()`.
+        // The body may be on the line of the heading: `def Start(): backward()`.
         let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
         let inline =
             head.and_then(|h| colon(h).map(|c| statements_of_line(h.from(c + 1).trimmed()))).unwrap_or_default();
@@ -222,7 +222,7 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
     model.finish(text);
 }
 
-/// Names of the functions that lines define outside of blocks.
+/// Names of the functions defined outside of blocks.
 fn function_names(list: &[Line<'_>]) -> BTreeSet<String> {
     let name = |line: &Line<'_>| {
         let (word, rest) = line.piece.first_word(&[]);
@@ -245,7 +245,8 @@ impl Model<'_, '_> {
         self.reader.session.error_help("L007", message, place, help);
     }
 
-    /// A text in quotes of the file, and where it begins; `None` for a place that is none, or one with a backslash.
+    /// The string constant at a place of the file, and the offset of its beginning; `None` for other places, and for a
+    /// string with a backslash.
     fn quoted(&self, range: Range<usize>) -> Option<(usize, &str)> {
         let text = self.text.get(range.clone())?;
         let quote = text.chars().next().filter(|c| matches!(c, '"' | '\''))?;
@@ -253,7 +254,7 @@ impl Model<'_, '_> {
         (!inner.contains(['\\', quote])).then_some((range.start + 1, inner))
     }
 
-    /// Reports L008 for an item that occurs twice; the last one counts, as in L-Py. `help`: what to do about it.
+    /// Reports L008 for a repeated item; the last one counts, as in L-Py. `help`: remedy.
     fn second(&mut self, item: &'static str, piece: Piece<'_>, help: &str) {
         let line = self.reader.line_number(piece.at);
         let Some(first) = self.given.insert(item, line) else { return };
@@ -272,7 +273,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// The symbol of a name: its character, or a private one for a longer name.
+    /// The symbol of a name: its character, or a private-use character for a longer name.
     fn symbol(&mut self, name: &str) -> Option<SymbolId> {
         let mut chars = name.chars();
         let symbols = &mut self.reader.program.symbols;
@@ -282,7 +283,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Sets the code of the functions that run as code: none is added from here on.
+    /// Completes the code of functions; none is added after this.
     fn set_run_code(&self) {
         let functions = self.scope.run.borrow();
         let called = functions.iter().map(|f| {
@@ -290,7 +291,7 @@ impl Model<'_, '_> {
                 self.scope.with_tables(Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() });
             CalledFunction { parameters: f.parameters, code, place: self.reader.place(f.place.clone()) }
         });
-        // Nothing has set it before.
+        // Nothing else sets it.
         self.scope.run_code.get_or_init(|| called.collect());
     }
 
@@ -305,7 +306,8 @@ impl Model<'_, '_> {
         self.share_ignored_symbols();
         self.set_run_code();
         self.reader.program.curves = self.scope.curves.borrow().tables();
-        // Values of the model first, wherever they are written, then the function that begins a run.
+        // The code of the model's values comes first, wherever they are in the file, then that of the function at the
+        // beginning of a run.
         append_code(&mut self.start, &self.functions.start);
         let [start, start_each, end_each] =
             [self.start.clone(), self.functions.start_each.clone(), self.functions.end_each.clone()]

@@ -1,5 +1,5 @@
-//! Objects of classes that hold values, `ParameterSet(age=0)`: what attributes they have, and what is read and set of them. As a parameter
-//! of a module an object is a number for each of its attributes.
+//! Objects of classes that hold values, such as `ParameterSet(age=0)`: their attributes, and how these are read and set. As
+//! a parameter of a module, an object becomes one number for each attribute.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -16,44 +16,45 @@ use super::strings::spell;
 use super::vectors::AXES;
 use crate::dialect::text::Piece;
 
-/// The class of L-Py whose objects have the attributes that they are made with.
+/// The class of L-Py whose objects have the attributes given at construction.
 const PARAMETER_SET: &str = "ParameterSet";
-/// Rounds in which modules are looked for that hand on the object of another one. Own: chains of more modules are not known.
+/// Limit on the rounds that search modules to which an object is passed on from another module. Own: longer chains of
+/// modules are not known.
 const MAX_ROUNDS: usize = 16;
 
-/// What help says of objects that two modules would share.
+/// Help for objects that two modules would share.
 pub(super) const COPY_OBJECT: &str = "hand a copy on: from copy import deepcopy, then deepcopy(p)";
 
-/// Name of the call that stands for an attribute and its value in an object.
+/// Makes the call that represents an attribute with its value in an object.
 fn pair(field: &str, value: PyExpr, range: &Range<usize>) -> PyExpr {
     PyExpr::Call(format!("{field}="), vec![value], range.clone())
 }
 
-/// Attribute and value of such a call.
+/// Attribute and value in such a call.
 fn parts(pair: &PyExpr) -> Option<(&str, &PyExpr)> {
     let PyExpr::Call(name, value, _) = pair else { return None };
     Some((name.strip_suffix('=')?, value.first()?))
 }
 
-/// The values of the attributes of an object.
+/// The attribute values of an object; `None` for other expressions.
 pub(super) fn values_of(e: &PyExpr) -> Option<Vec<&PyExpr>> {
     let PyExpr::Call(name, pairs, _) = e else { return None };
     (name == OBJECT).then(|| pairs.iter().filter_map(|p| parts(p).map(|(_, value)| value)).collect())
 }
 
-/// The names of the attributes of an object.
+/// The attribute names of an object; `None` for other expressions.
 pub(super) fn fields_of(e: &PyExpr) -> Option<Vec<String>> {
     let PyExpr::Call(name, pairs, _) = e else { return None };
     (name == OBJECT).then(|| pairs.iter().filter_map(|p| parts(p).map(|(field, _)| field.to_owned())).collect())
 }
 
-/// The object with these attributes and values.
+/// Makes the object with these attributes and values.
 pub(super) fn object_of(fields: &[String], values: Vec<PyExpr>, range: &Range<usize>) -> PyExpr {
     let pairs = fields.iter().zip(values).map(|(field, value)| pair(field, value, range)).collect();
     PyExpr::Call(OBJECT.to_owned(), pairs, range.clone())
 }
 
-/// The refusal of an attribute.
+/// The refusal of an attribute that the object does not have.
 fn attribute_refusal(field: &str, range: &Range<usize>) -> Refusal {
     let why = Refusal::new(format!("an attribute '{field}' that this value does not have"), range.clone());
     why.remedy("set the attribute where the object is made: in __init__, or ParameterSet(age=0)")
@@ -74,7 +75,7 @@ pub(super) fn attribute(object: &PyExpr, field: &str, range: &Range<usize>) -> R
     }
 }
 
-/// The attribute that an index stands for: `p.x` is read as `p[0]`.
+/// The attribute for the index that an axis name was read as: `p.x` is read as `p[0]`.
 pub(super) fn axis_name(index: &PyExpr) -> Option<&'static str> {
     let PyExpr::Number(k) = index else { return None };
     AXES.iter().enumerate().find(|(axis, _)| (*axis as f64 - k).abs() <= 0.0).map(|(_, name)| *name)
@@ -92,7 +93,7 @@ pub(super) fn with_attribute(object: &PyExpr, args: &[PyExpr], range: &Range<usi
     Ok(PyExpr::Call(name.clone(), pairs, place.clone()))
 }
 
-/// The object that a call with resolved arguments makes; `None` for a call that makes none.
+/// The object that a call with resolved arguments makes; `None` for other calls.
 pub(super) fn made(
     name: &str,
     args: &[PyExpr],
@@ -118,7 +119,7 @@ impl Class {
         }
         let given = arguments(&self.params, Some(&self.defaults), known.into_iter().cloned().collect());
         let given = given.ok_or_else(|| refused().remedy("give it the parameters of its __init__"))?;
-        // Each attribute may read the parameters, and attributes before it.
+        // Each value may read the parameters and earlier attributes.
         let mut fields: Vec<(String, PyExpr)> = Vec::new();
         for (field, value) in &self.fields {
             let value = with_own(value, &self.own, &fields);
@@ -142,7 +143,7 @@ impl Class {
     }
 }
 
-/// An expression of `__init__` with the values of attributes that it has set before.
+/// An expression in `__init__` with the values of attributes set before it.
 fn with_own(e: &PyExpr, own: &str, fields: &[(String, PyExpr)]) -> PyExpr {
     if let PyExpr::Call(name, args, _) = e
         && let (Some(field), [PyExpr::Name(object, _)]) = (name.strip_prefix(ATTRIBUTE), args.as_slice())
@@ -154,15 +155,15 @@ fn with_own(e: &PyExpr, own: &str, fields: &[(String, PyExpr)]) -> PyExpr {
     with_parts(e, &|a| with_own(a, own, fields))
 }
 
-/// `p.field = value` and `p.field += value`: the name of the object, the attribute, and what follows it.
+/// The target of `p.field = value` or `p.field += value`: object name, attribute, and the rest of the line.
 pub(super) struct AttributeTarget<'t> {
     pub object: Piece<'t>,
     pub field: &'t str,
-    /// From the sign on.
+    /// The rest of the line, from the operator on.
     pub rest: Piece<'t>,
 }
 
-/// The attribute that a line sets; `None` for any other line.
+/// The attribute that a line sets; `None` for other lines.
 pub(super) fn attribute_target(piece: Piece<'_>) -> Option<AttributeTarget<'_>> {
     let dot = piece.text.find('.')?;
     let object = piece.up_to(dot).trimmed();
@@ -177,7 +178,7 @@ pub(super) fn attribute_target(piece: Piece<'_>) -> Option<AttributeTarget<'_>> 
 }
 
 impl Model<'_, '_> {
-    /// Classes of the model whose objects hold values. Others are refused where an object is made.
+    /// Reads the classes whose objects hold values. Other classes are refused where an object is made.
     pub(super) fn classes(&mut self, list: &[Line<'_>]) {
         for (i, line) in
             list.iter().enumerate().filter(|(_, line)| line.indent == 0 || line.piece.text.starts_with("class "))
@@ -197,17 +198,17 @@ impl Model<'_, '_> {
                 }
             }
         }
-        // Attributes that lines other than those of `__init__` set: objects that have one are shared by those who hold them.
+        // Collect the attributes set outside of `__init__`, because a change of an object that two modules share would affect both.
         let targets = list.iter().filter_map(|line| attribute_target(line.piece));
         self.changed_attributes.extend(targets.filter(|t| t.object.text != "self").map(|t| t.field.to_owned()));
     }
 
-    /// True for an object of which some line of the model sets an attribute.
+    /// True if some line of the model sets an attribute of such an object.
     pub(super) fn is_changing(&self, object: &PyExpr) -> bool {
         fields_of(object).is_some_and(|fields| fields.iter().any(|field| self.changed_attributes.contains(field)))
     }
 
-    /// The shape of a parameter whose text makes an object, or a copy of one.
+    /// The shape of a parameter whose text makes an object, or copies one; `None` for other texts.
     pub(super) fn object_shape(&self, text: Piece<'_>, known: &BTreeMap<String, ParamShape>) -> Option<ParamShape> {
         if let Some(shape) = known.get(text.text) {
             return Some(*shape);
@@ -238,7 +239,7 @@ impl Model<'_, '_> {
         Some(self.scope.object_shape(&fields))
     }
 
-    /// Notes the modules to which productions hand on the objects of their heads, as long as new ones are found.
+    /// Records the modules to which productions pass the objects of their heads, until no more are found.
     pub(super) fn find_object_shapes(&mut self, list: &[Line<'_>], names: &std::collections::BTreeSet<String>) {
         for _ in 0..MAX_ROUNDS {
             let before = self.written_shapes.clone();
@@ -248,7 +249,7 @@ impl Model<'_, '_> {
                     continue;
                 }
                 if !is_head {
-                    // Axioms and functions make modules of objects that their own text makes.
+                    // Axioms and functions pass only objects made in the same text.
                     self.note_objects(*line, names, &BTreeMap::new());
                     continue;
                 }
@@ -269,7 +270,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Parameters of a head that are objects.
+    /// The parameters of a head that are objects, with their shapes.
     fn objects_of_head(&self, piece: Piece<'_>) -> BTreeMap<String, ParamShape> {
         let mut out = BTreeMap::new();
         let end = ["-->", "-static->"].iter().find_map(|a| piece.text.find(a));
@@ -287,7 +288,7 @@ impl Model<'_, '_> {
         out
     }
 
-    /// Notes the modules of a line that are given objects.
+    /// Records the modules on a line whose parameters are objects.
     fn note_objects(
         &mut self,
         line: Line<'_>,
@@ -305,7 +306,7 @@ impl Model<'_, '_> {
     }
 }
 
-/// Reads the lines of a class: `__init__`, and values of attributes. Functions that describe an object are not needed.
+/// Reads the lines of a class: `__init__` and attribute values. The methods `__str__` and `__repr__` are ignored.
 fn class_of(block: &[Line<'_>]) -> Result<Class, Refusal> {
     let mut class = Class::default();
     let mut i = 0;
@@ -336,7 +337,7 @@ fn class_of(block: &[Line<'_>]) -> Result<Class, Refusal> {
     Ok(class)
 }
 
-/// Reads `__init__`: lines `self.name = value`, and `self.__dict__.update(kwd)`.
+/// Reads the lines of `__init__`: `self.name = value`, and `self.__dict__.update(kwd)`.
 fn init_of(head: Piece<'_>, block: &[Line<'_>], class: &mut Class) -> Result<(), Refusal> {
     let refused = || Refusal::new("this '__init__' of a class", head.range());
     let FunctionHead { params, body } = function_head(head).ok_or_else(refused)?;

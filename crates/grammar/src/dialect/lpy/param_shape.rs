@@ -1,14 +1,14 @@
-//! What parameters of modules are: numbers, lists, vectors, objects, and the classes of objects.
+//! Shapes of module parameters: numbers, lists, vectors and objects; and the classes of objects.
 
 use super::expression::PyExpr;
 
-/// What a parameter of a module is; of a list or a vector with the number of its items.
+/// Shape of a module parameter; for a list or vector with its number of items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ParamShape {
     Number,
     List(usize),
     Vector(usize),
-    /// An object: the number of its kind, which has these attributes.
+    /// An object: the number of its kind, which determines its attributes.
     Object {
         kind: usize,
         count: usize,
@@ -16,7 +16,7 @@ pub(super) enum ParamShape {
 }
 
 impl ParamShape {
-    /// How many numbers it has.
+    /// The number of numeric parameters that represent it.
     pub fn count(self) -> usize {
         match self {
             Self::Number => 1,
@@ -25,15 +25,15 @@ impl ParamShape {
     }
 }
 
-/// A class whose objects hold values: what its `__init__` sets.
+/// A class whose objects hold values, as set by its `__init__`.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Class {
     pub params: Vec<String>,
     pub defaults: Vec<Option<PyExpr>>,
-    /// Attributes and their values, which may read the parameters and `self`.
+    /// Attributes and their values, which may depend on the parameters and `self`.
     pub fields: Vec<(String, PyExpr)>,
-    /// Name of the object within `__init__`.
+    /// Name of the object within `__init__`, usually `self`.
     pub own: String,
-    /// It takes any attributes by name, `**kwd`.
+    /// True if it accepts any attributes by keyword, `**kwd`.
     pub takes_any: bool,
 }

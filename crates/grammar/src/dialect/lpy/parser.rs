@@ -1,4 +1,4 @@
-//! Reads expressions of Python.
+//! Parses expressions of Python.
 
 use std::ops::Range;
 
@@ -14,13 +14,13 @@ use super::refusal::Refusal;
 use super::vectors::AXES;
 use crate::dialect::text::Piece;
 
-/// Nesting of one expression; deeper ones are refused.
+/// Limit on the nesting of an expression.
 const MAX_DEPTH: usize = 200;
 
-/// Height of the tree of one expression, which a row of operators raises, too: what reads it calls itself for each level.
+/// Limit on the height of a syntax tree, which chains of operators also increase: functions on trees are recursive.
 const MAX_HEIGHT: usize = 500;
 
-/// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
+/// Methods that read a list or a dictionary; a call of one becomes a function call with a dot before the method's name.
 const METHODS: [&str; 7] = ["index", "get", "keys", "values", "items", "copy", "format"];
 
 /// Operators and punctuation, longer ones first.
@@ -38,20 +38,20 @@ struct PyToken {
 #[derive(Debug, Clone, PartialEq)]
 enum PyTokenKind {
     Number(f64),
-    /// A text in quotes, with the number that stands for it.
+    /// A string constant, by the number that represents it.
     Text(f64),
-    /// A text with values of expressions in it, `f"{x}"`.
+    /// A string that contains expressions, `f"{x}"`.
     JoinedText,
     Name(String),
     Sign(&'static str),
 }
 
-/// Divides a text into tokens.
+/// Splits a text into tokens.
 fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
     let mut out = Vec::new();
     let text = piece.text;
     let mut i = 0;
-    // The letters before the next text make it one that is put together.
+    // True if the prefix of the next string makes it one composed at run time.
     let mut is_joined = false;
     while let Some(c) = text[i..].chars().next() {
         let at = piece.at + i;
@@ -60,7 +60,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += c.len_utf8();
             continue;
         }
-        // A number may begin with its point: `.5`.
+        // A number may begin with its decimal point: `.5`.
         if c.is_ascii_digit() || (c == '.' && rest[1..].starts_with(|d: char| d.is_ascii_digit())) {
             let (n, value) = match number_of_base(rest) {
                 Some(whole) => whole,
@@ -74,7 +74,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += n;
         } else if c.is_alphabetic() || c == '_' {
             let n = rest.find(|d: char| !d.is_alphanumeric() && d != '_').unwrap_or(rest.len());
-            // Letters before a text: those of `f"{x}"` make it one that is put together, others change no text of this notation.
+            // Prefix of a string: an `f`, as in `f"{x}"`, makes it one composed at run time; other prefixes have no effect here.
             let is_prefix =
                 n <= 2 && rest[..n].chars().all(|c| "fFrRbBuU".contains(c)) && rest[n..].starts_with(['"', '\'']);
             if is_prefix {
@@ -92,8 +92,8 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             let Some(n) = inner.find(c) else {
                 return Err(Refusal::new("a text in quotes that does not end", at..at + rest.len()));
             };
-            // Texts are compared and handed on, no more: a number that no other text has stands for each. A backslash before a quote
-            // belongs to no text; both are masked.
+            // Strings are only compared and passed on, so that a unique number represents each. The backslash before an
+            // escaped quote is not part of the string; both characters are masked here.
             let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(masked(b)).to_string());
             let text = inner[..n].replace(&(backslash.clone() + &double), &double);
             let text = text.replace(&(backslash + &single), &single).replace(char::from(JOINED), "");
@@ -111,7 +111,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
     Ok(out)
 }
 
-/// Length and value of the whole number of another base at the beginning of a text: `0xff`, `0o17`, `0b101`.
+/// Length and value of an integer of another base at the beginning of a text: `0xff`, `0o17`, `0b101`.
 fn number_of_base(text: &str) -> Option<(usize, f64)> {
     let base = match text.get(..2)? {
         "0x" | "0X" => 16,
@@ -148,7 +148,7 @@ fn number_length(text: &str) -> usize {
     n
 }
 
-/// The refusal of an attribute that is no coordinate.
+/// The refusal of an attribute that is not a coordinate.
 fn attribute_refusal(name: &str, range: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("an attribute of '{name}'"), range);
     why.remedy("use a plain value or a list; of attributes .x, .y and .z of a vector are known")
@@ -158,12 +158,12 @@ struct PyParser {
     tokens: Vec<PyToken>,
     i: usize,
     depth: usize,
-    /// Height of the tree that was read last.
+    /// Height of the last tree that was read.
     height: usize,
     end: usize,
 }
 
-/// Reads one expression that fills the whole text.
+/// Parses an expression that must use the whole text.
 pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
     let mut p = PyParser { tokens: tokens(piece)?, i: 0, depth: 0, height: 0, end: piece.at + piece.text.len() };
     if p.tokens.is_empty() {
@@ -176,14 +176,14 @@ pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
     }
 }
 
-/// `lambda x, k=2: e`: parameters, the texts of the values that they have otherwise, and expression.
+/// The parts of `lambda x, k=2: e`: parameters, texts of their default values, and expression.
 pub(super) struct Lambda<'t> {
     pub params: Vec<String>,
     pub defaults: Vec<Option<Piece<'t>>>,
     pub value: PyExpr,
 }
 
-/// Reads a `lambda`; `None` for any other text, and for one whose expression cannot be read.
+/// Parses a `lambda`; `None` for other texts, and if its expression cannot be read.
 pub(super) fn lambda(piece: Piece<'_>) -> Option<Lambda<'_>> {
     let rest = piece.text.strip_prefix("lambda").map(|_| piece.from("lambda".len()))?;
     let c = colon(rest)?;
@@ -197,7 +197,7 @@ pub(super) fn lambda(piece: Piece<'_>) -> Option<Lambda<'_>> {
     Some(Lambda { params, defaults, value })
 }
 
-/// `[value for name in list]`; several names take each item apart.
+/// Makes `[value for name in list]`; several names unpack each item.
 fn each_item(value: PyExpr, mut names: Vec<String>, list: PyExpr, place: &Range<usize>, range: Range<usize>) -> PyExpr {
     let (value, name) = match names.pop() {
         Some(name) if names.is_empty() => (value, name),
@@ -247,7 +247,7 @@ impl PyParser {
         }
     }
 
-    /// Refuses an operand that must be a number and is a text: the tokens from `from` on are that text alone.
+    /// Refuses a string where an operand must be a number: the tokens from `from` on are just a string.
     fn check_number(&self, from: usize) -> Result<(), Refusal> {
         match self.tokens.get(from) {
             Some(PyToken { kind: PyTokenKind::Text(value), range }) if self.i == from + 1 => {
@@ -257,7 +257,7 @@ impl PyParser {
         }
     }
 
-    /// The function that a method is which reads a list or a dictionary, if its call follows: `.index` of `.index(`.
+    /// The function that represents a method of a list or dictionary, if its call follows: `.index` for `.index(`.
     fn method(&self) -> Option<String> {
         match self.tokens.get(self.i..)? {
             [_, PyToken { kind: PyTokenKind::Name(name), .. }, PyToken { kind: PyTokenKind::Sign("("), .. }, ..]
@@ -285,7 +285,7 @@ impl PyParser {
         self.tokens.get(self.i).map_or(self.end..self.end, |t| t.range.clone())
     }
 
-    /// Sets the height of a tree whose other parts have this height at the most, and whose last part was just read.
+    /// Updates the height of a tree: `others` is the largest height of its other parts, and the last part was just read.
     fn grow(&mut self, others: usize) -> Result<(), Refusal> {
         self.height = self.height.max(others) + 1;
         if self.height > MAX_HEIGHT {
@@ -300,7 +300,7 @@ impl PyParser {
         if self.depth > MAX_DEPTH {
             return Err(Refusal::new("an expression nested too deep", self.here()));
         }
-        // `a if b else c`: the value comes before its condition.
+        // In `a if b else c` the value precedes its condition.
         let then = self.or()?;
         let mut height = self.height;
         let out = if self.eat_word("if") {
@@ -340,7 +340,7 @@ impl PyParser {
     }
 
     fn not(&mut self) -> Result<PyExpr, Refusal> {
-        // Repeated prefixes are counted, not nested.
+        // Count repeated prefixes instead of nesting them.
         let mut negations = 0_usize;
         while self.eat_word("not") {
             negations += 1;
@@ -355,7 +355,7 @@ impl PyParser {
         })
     }
 
-    /// Takes `in`, or the two words `not in`; true for the latter, `None` if neither follows.
+    /// Consumes `in`, or the two words `not in`; true for the latter, `None` if neither comes next.
     fn membership(&mut self) -> Option<bool> {
         if self.eat_word("in") {
             return Some(false);
@@ -366,7 +366,7 @@ impl PyParser {
         is_negated.then_some(true)
     }
 
-    /// `a < b < c` holds if both comparisons do.
+    /// Parses comparisons; `a < b < c` holds if both comparisons do.
     fn comparison(&mut self) -> Result<PyExpr, Refusal> {
         let mut from = self.i;
         let mut left = self.sum()?;
@@ -386,7 +386,7 @@ impl PyParser {
                 left = right;
                 continue;
             }
-            // `is None`, `is not None`.
+            // Handle `is None` and `is not None`.
             let by_word = self.eat_word("is").then(|| if self.eat_word("not") { PyOp::Ne } else { PyOp::Eq });
             let by_sign = match self.sign() {
                 Some("==") => Some(PyOp::Eq),
@@ -398,7 +398,7 @@ impl PyParser {
                 _ => None,
             };
             let Some(op) = by_word.or(by_sign) else { return Ok(all.unwrap_or(left)) };
-            // Texts are equal or not; their order is not known.
+            // Strings can only be compared for equality: their order is not known.
             let is_order = !matches!(op, PyOp::Eq | PyOp::Ne);
             if is_order {
                 self.check_number(from)?;
@@ -437,7 +437,7 @@ impl PyParser {
         })
     }
 
-    /// Numbers joined by operators of one precedence, which are applied from left to right.
+    /// Parses operands joined by operators of equal precedence, from left to right.
     fn joined_from_left(
         &mut self,
         operand: fn(&mut Self) -> Result<PyExpr, Refusal>,
@@ -446,7 +446,7 @@ impl PyParser {
         let from = self.i;
         let mut left = operand(self)?;
         while let Some(op) = self.sign().and_then(operator) {
-            // `'a' + str(x)` and `'%d' % x` put a text together.
+            // `'a' + str(x)` and `'%d' % x` compose strings.
             let is_text = |e: &PyExpr| is_joined_text(e) || matches!(e, PyExpr::Text(value, _) if !is_none(*value));
             let joins = is_text(&left) && matches!(op, PyOp::Add | PyOp::Mod);
             if !joins {
@@ -488,7 +488,7 @@ impl PyParser {
         Ok(if negative { PyExpr::Neg(Box::new(e)) } else { e })
     }
 
-    /// `**` associates to the right and binds closer than a sign before it.
+    /// Parses `**`, which is right-associative and binds more tightly than a sign before it.
     fn power(&mut self) -> Result<PyExpr, Refusal> {
         let base = self.atom()?;
         if !self.eat("**") {
@@ -505,7 +505,7 @@ impl PyParser {
         Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
     }
 
-    /// A number, text, name, call, list, dictionary or expression in parentheses, with the indices and coordinates after it.
+    /// Parses a number, string, name, call, list, dictionary or expression in parentheses, with the indices and coordinates after it.
     fn atom(&mut self) -> Result<PyExpr, Refusal> {
         let Some(t) = self.tokens.get(self.i).cloned() else {
             return Err(Refusal::new("an unfinished expression", self.here()));
@@ -515,7 +515,7 @@ impl PyParser {
         match t.kind {
             PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
             PyTokenKind::Text(n) => {
-                // `'%d'.format(x)` is put together.
+                // `'%d'.format(x)` composes a string.
                 if self.method().as_deref() == Some(".format") {
                     self.i += 3;
                     self.call(JOINED_TEXT.to_owned(), t.range.clone())?;
@@ -526,7 +526,7 @@ impl PyParser {
             PyTokenKind::JoinedText => Ok(PyExpr::Call(JOINED_TEXT.to_owned(), Vec::new(), t.range)),
             PyTokenKind::Sign("(") => {
                 let e = self.choice()?;
-                // One value in parentheses is that value; with a comma they hold a list.
+                // A single value in parentheses is that value; with a comma they hold a list.
                 if self.eat(")") {
                     return self.indexed(e);
                 }
@@ -538,7 +538,7 @@ impl PyParser {
                 Err(Refusal::new(what, self.here()))
             }
             PyTokenKind::Sign("[") if self.eat("]") => Ok(PyExpr::List(Vec::new(), t.range)),
-            // A list that is written out, or `[value for name in list]`.
+            // Parse a list constant, or `[value for name in list]`.
             PyTokenKind::Sign("[") => {
                 let e = self.choice()?;
                 let list = if self.word() == Some("for") {
@@ -552,7 +552,7 @@ impl PyParser {
                 };
                 self.indexed(list)
             }
-            // A dictionary is a call whose arguments are keys and values in turns.
+            // A dictionary is represented as a call with keys and values as alternating arguments.
             PyTokenKind::Sign("{") => {
                 let (mut pairs, mut height) = (Vec::new(), 0_usize);
                 while !self.eat("}") {
@@ -571,11 +571,11 @@ impl PyParser {
                 self.indexed(PyExpr::Call(DICTIONARY.to_owned(), pairs, t.range))
             }
             PyTokenKind::Name(first) => {
-                // Words of Python that begin no value here.
+                // Keywords of Python that cannot begin a value here.
                 if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
                     return Err(Refusal::new(format!("'{first}'"), t.range));
                 }
-                // Modules of functions: math.sin is sin.
+                // Drop the names of modules: math.sin becomes sin.
                 let mut name = first;
                 while self.sign() == Some(".") {
                     if let Some(method) = self.method() {
@@ -586,7 +586,7 @@ impl PyParser {
                         }
                         return self.indexed(call);
                     }
-                    // A coordinate of a vector.
+                    // The attribute is a coordinate of a vector, which `indexed` reads.
                     if self.axis().is_some() {
                         return self.indexed(PyExpr::Name(name, t.range));
                     }
@@ -626,7 +626,7 @@ impl PyParser {
         }
     }
 
-    /// The rest of a list after its first value.
+    /// Parses the rest of a list after its first value.
     fn list(&mut self, first: PyExpr, end: &str, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let (mut items, mut height) = (vec![first], self.height);
         while !self.eat(end) {
@@ -642,7 +642,7 @@ impl PyParser {
         Ok(PyExpr::List(items, range))
     }
 
-    /// `for name in list` after the value.
+    /// Parses `for name in list` after the value of a comprehension.
     fn each(&mut self, value: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let place = self.here();
         if !self.eat_word("for") {
@@ -657,11 +657,11 @@ impl PyParser {
         if !self.eat_word("in") {
             return Err(Refusal::new("'for'", place));
         }
-        // The value was read before; tests stand around it.
+        // The value was read before; the tests enclose it.
         let mut height = self.height;
         let list = self.or()?;
         height = height.max(self.height);
-        // `if` leaves items out.
+        // An `if` omits items.
         let mut tests = Vec::new();
         while self.eat_word("if") {
             tests.push(self.or()?);
@@ -683,11 +683,11 @@ impl PyParser {
         Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
     }
 
-    /// The rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map` are taken
-    /// side by side.
+    /// Parses the rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; `map` iterates
+    /// over several lists in parallel.
     fn mapped(&mut self, is_filter: bool, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let place = self.here();
-        // A lambda has names and a value, a function its name alone.
+        // A lambda gives names and a value, a function only its name.
         let (mut names, mut value) = (Vec::new(), None);
         let mut function = None;
         if self.eat_word("lambda") {
@@ -705,7 +705,7 @@ impl PyParser {
         } else {
             function = Some(self.choice()?);
         }
-        // The lists after the function, up to the parenthesis.
+        // Read the lists after the function, up to the parenthesis.
         let mut height = self.height;
         let mut lists = Vec::new();
         while self.eat(",") {
@@ -717,12 +717,12 @@ impl PyParser {
             return Err(Refusal::new(what, self.here()));
         }
         self.grow(height)?;
-        // A function gets names of its own for the items, and its call as the value.
+        // For a function, make names for the items, and its call as the value.
         if names.is_empty() {
             names = (0..lists.len()).map(|k| format!("(item {k} of {})", place.start)).collect();
         }
         let items: Vec<PyExpr> = names.iter().map(|name| PyExpr::Name(name.clone(), place.clone())).collect();
-        // Without a function `filter` leaves out what fails a test.
+        // With `None` as its function, `filter` omits items that count as false.
         let value = match (value, function) {
             (Some(value), _) => value,
             (None, Some(PyExpr::Name(name, at))) => PyExpr::Call(name, items.clone(), at),
@@ -735,7 +735,7 @@ impl PyParser {
             let what = format!("'{}' of other lists than its function has", if is_filter { "filter" } else { "map" });
             return Err(Refusal::new(what, range));
         }
-        // `filter` keeps the item where the value holds, and nothing elsewhere.
+        // `filter` keeps an item if the value holds, and otherwise omits it.
         let value = match items.as_slice() {
             [item] if is_filter => {
                 let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
@@ -751,13 +751,13 @@ impl PyParser {
         Ok(each_item(value, names, list, &place, range))
     }
 
-    /// The coordinate that an attribute is, `.x`, if one follows.
+    /// The index of a coordinate such as `.x`, if it comes next.
     fn axis(&self) -> Option<u32> {
         let Some(PyTokenKind::Name(name)) = self.tokens.get(self.i + 1).map(|t| &t.kind) else { return None };
         AXES.iter().position(|axis| axis == name).map(saturating_index)
     }
 
-    /// Takes an attribute that follows, which is not called: the name of the call that stands for it.
+    /// Consumes an attribute that is not called; returns the name of the call that represents it.
     fn attribute(&mut self) -> Option<String> {
         let rest = self.tokens.get(self.i..)?;
         let (Some(PyTokenKind::Sign(".")), Some(PyTokenKind::Name(field))) =
@@ -773,14 +773,14 @@ impl PyParser {
         Some(name)
     }
 
-    /// Indices and coordinates after a value.
+    /// Parses indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
         let mut count = 0;
         while matches!(self.sign(), Some("[" | ".")) {
             let place = self.here();
             let height = self.height;
-            // `v.x` is `v[0]`; other attributes are refused where the expression ends.
+            // `v.x` is read as `v[0]`; other attributes are refused at the end of the expression.
             if self.sign() == Some(".") {
                 let Some(axis) = self.axis() else {
                     let Some(field) = self.attribute() else { break };
@@ -805,7 +805,7 @@ impl PyParser {
         Ok(out)
     }
 
-    /// What stands between the brackets of an index: an index, or `from:to:step`, of which each part may be missing.
+    /// Parses the contents of an index's brackets: an index, or `from:to:step`, of which each part may be omitted.
     fn part(&mut self, place: &Range<usize>) -> Result<PyExpr, Refusal> {
         let missing = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
         let first = if self.sign() == Some(":") { missing() } else { self.choice()? };
@@ -826,7 +826,7 @@ impl PyParser {
         }
         let (mut args, mut height) = (Vec::new(), 0_usize);
         while !self.eat(")") {
-            // `f(x, k=3)`: the name is kept with its sign, which no function has.
+            // Keyword argument `f(x, k=3)`: the name is kept with its `=`, so that it cannot be a function.
             if let [PyToken { kind: PyTokenKind::Name(own), range }, PyToken { kind: PyTokenKind::Sign("="), .. }, ..] =
                 self.tokens.get(self.i..).unwrap_or(&[])
             {

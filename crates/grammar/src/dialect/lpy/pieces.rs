@@ -1,8 +1,8 @@
-//! Parts of a line: what stands in parentheses, between commas, before a colon.
+//! Splits a line into parts: in parentheses, between commas, before a colon.
 
 use crate::dialect::text::Piece;
 
-/// Index of the parenthesis that closes one opened just before the text; `None` if it is never closed.
+/// Index of the parenthesis that closes one opened directly before the text; `None` if it is not closed.
 pub(super) fn closing(text: &str) -> Option<usize> {
     let mut depth = 0_usize;
     for (i, c) in text.char_indices() {
@@ -16,13 +16,13 @@ pub(super) fn closing(text: &str) -> Option<usize> {
     None
 }
 
-/// Parts between the commas outside of brackets; none of an empty text.
+/// Parts between the commas outside of brackets; none for an empty text.
 pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
     if piece.text.trim().is_empty() { Vec::new() } else { parts(piece, ',') }
 }
 
-/// The parameters of each module of a name in a text, in order. A longer word is another name, unless it is a row of modules of single
-/// letters.
+/// The parameters of each module called `name` in a text, in order. The name must not be part of a longer word, except in a
+/// row of single-letter modules.
 pub(super) fn parameters_of_modules<'t>(text: Piece<'t>, name: &'t str) -> impl Iterator<Item = Vec<Piece<'t>>> {
     text.text.match_indices(name).filter_map(move |(i, _)| {
         let before = text.text.get(..i)?.chars().next_back();
@@ -34,7 +34,7 @@ pub(super) fn parameters_of_modules<'t>(text: Piece<'t>, name: &'t str) -> impl 
     })
 }
 
-/// Parts between the separators outside of brackets, at least one.
+/// Parts between the separators outside of brackets; at least one.
 fn parts(piece: Piece<'_>, separator: char) -> Vec<Piece<'_>> {
     let mut out = Vec::new();
     let (mut depth, mut from) = (0_usize, 0);
@@ -53,7 +53,7 @@ fn parts(piece: Piece<'_>, separator: char) -> Vec<Piece<'_>> {
     out
 }
 
-/// What stands in the bracket at the beginning of a text, and what stands after it.
+/// The contents of the bracket at the beginning of a text, and the rest after it.
 pub(super) fn bracketed(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let mut depth = 0_usize;
     let close = piece.text.char_indices().find_map(|(i, c)| {
@@ -89,13 +89,13 @@ pub(super) fn block_colon(piece: Piece<'_>) -> Option<usize> {
     })
 }
 
-/// True for a name of Python.
+/// True if the text is a valid name in Python.
 pub(super) fn is_name(text: &str) -> bool {
     let mut chars = text.chars();
     chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
 }
 
-/// `name = expression`; `None` for anything else.
+/// The two sides of `name = expression`; `None` for anything else.
 pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let i = piece.text.find('=')?;
     let names = piece.up_to(i).trimmed();
@@ -103,7 +103,7 @@ pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let inner = names.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
     let names = inner.map_or(names, |t| Piece::new(names.at + 1, t).trimmed());
     let value = piece.from(i + 1).trimmed();
-    // One name may take the items that the others leave, `first, *rest = q`.
+    // One name may take the items that the others leave: `first, *rest = q`.
     let parts = split(names);
     let stars = parts.iter().filter(|p| p.text.starts_with('*')).count();
     let is_target =
@@ -112,7 +112,7 @@ pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
         .then_some((names, value))
 }
 
-/// Parts of a line between the semicolons outside of brackets, without empty ones; those of texts are masked.
+/// Non-empty parts of a line between the semicolons outside of brackets; semicolons in strings are masked.
 pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
     let mut out = parts(piece, ';');
     out.retain(|p| !p.text.is_empty());
@@ -124,8 +124,8 @@ pub(super) fn heads_block(word: &str) -> bool {
     matches!(word, "if" | "elif" | "else" | "for" | "while" | "def" | "class" | "try" | "except" | "finally" | "with")
 }
 
-/// The statements of a line, between its semicolons; one for a line that heads a block. The modules of `produce` reach to the end of
-/// the line, as `;` is one of them.
+/// The statements of a line, separated by semicolons; a line that begins a block is a single one. The modules of `produce`
+/// extend to the end of the line, because `;` is also a module.
 pub(super) fn statements_of_line(piece: Piece<'_>) -> Vec<Piece<'_>> {
     fn word(p: Piece<'_>) -> &str {
         p.first_word(&['(', ':', '=', '[']).0.text
@@ -161,17 +161,17 @@ pub(super) fn method_call(piece: Piece<'_>) -> Option<MethodCall<'_>> {
     (is_name(name.text) && is_whole).then(|| MethodCall { name, method, args: split(inner.up_to(close)) })
 }
 
-/// The head of a function: its parameters, with the values that they have otherwise, and what stands after its colon.
+/// The head of a function: its parameters with their default values, and the text after its colon.
 pub(super) struct FunctionHead<'t> {
     pub params: Vec<(String, Option<Piece<'t>>)>,
     pub body: Piece<'t>,
 }
 
-/// Reads the head of a function from its name on, `f(x, k=3) -> float: return x`.
+/// Reads the head of a function after `def`: `f(x, k=3) -> float: return x`.
 pub(super) fn function_head(rest: Piece<'_>) -> Option<FunctionHead<'_>> {
     let params = parameters_of(rest)?;
     let inner = rest.from(rest.text.find('(')? + 1);
-    // `def f(x) -> float:` names what it gives.
+    // In `def f(x) -> float:` skip the type of the result.
     let after = inner.from(closing(inner.text)? + 1).trimmed();
     let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
     let after = after.from(given);
@@ -179,20 +179,20 @@ pub(super) fn function_head(rest: Piece<'_>) -> Option<FunctionHead<'_>> {
     Some(FunctionHead { params, body })
 }
 
-/// Names of the parameters of a function from its head, `Start(lstring):`, with the values that they have otherwise, `f(x, k=3):`.
+/// Parameter names in the head of a function, `Start(lstring):`, with their default values, as in `f(x, k=3):`.
 pub(super) fn parameters_of(head: Piece<'_>) -> Option<Vec<(String, Option<Piece<'_>>)>> {
     let inner = head.from(head.text.find('(')? + 1);
     let list = split(inner.up_to(closing(inner.text)?));
     let parameters = list.into_iter().map(|p| {
         let value = p.text.find('=').map(|i| p.from(i + 1).trimmed());
-        // `x: float` names what it takes.
+        // In `x: float` drop the type of the parameter.
         let name = p.text.split(['=', ':']).next().unwrap_or_default().trim();
         (name.to_owned(), value)
     });
     Some(parameters.collect())
 }
 
-/// A production has an arrow, or ends its head with a colon; statements of Python do neither.
+/// True for a production, which has an arrow or whose head ends with a colon; other statements of Python have neither.
 pub(super) fn is_rule(piece: Piece<'_>) -> bool {
     let (word, _) = piece.first_word(&['(', ':', '=']);
     let is_python =

@@ -1,4 +1,4 @@
-//! Python outside of productions: values of the model.
+//! Reads Python outside of productions: the values of the model.
 
 use std::ops::Range;
 
@@ -20,14 +20,14 @@ use crate::code::Op;
 use crate::dialect::text::Piece;
 use crate::vm;
 
-/// True for lines of imports alone.
+/// True if all lines are imports.
 fn only_imports(block: &[Line<'_>]) -> bool {
     let is_import = |p: Piece<'_>| matches!(p.first_word(&[]).0.text, "import" | "from" | "pass");
     !block.is_empty() && block.iter().flat_map(|l| statements_of_line(l.piece)).all(is_import)
 }
 
 impl Model<'_, '_> {
-    /// Python outside of rules; returns the index of the next line.
+    /// Reads a Python statement outside of rules; returns the index of the next line.
     pub(super) fn python(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
         let piece = line.piece;
         let (block, next) = block_after(list, i, line.indent);
@@ -69,7 +69,7 @@ impl Model<'_, '_> {
                 return next;
             }
             "if" | "for" | "while" => {
-                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
+                // The lines of `elif` and `else` belong to an `if`, and those of `else` also to a loop.
                 let mut end = next;
                 while let Some(more) = list.get(end).filter(|more| more.indent == line.indent) {
                     if !matches!(more.piece.first_word(&['(', ':']).0.text, "elif" | "else") {
@@ -87,7 +87,7 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
-            // Imports that may fail; what follows an `except` runs where they do.
+            // Imports that may fail: the `except` block, which runs if they do, is skipped.
             "try" if rest.text == ":" && only_imports(block) => {
                 block.iter().for_each(|l| self.import(l.piece));
                 let mut end = next;
@@ -98,7 +98,7 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
-            // Read before; one that cannot be read is refused where an object is made.
+            // Classes were read before; an unreadable one is refused where an object is made.
             "class" => return next,
             "del" if rest.text.contains('[') => {}
             "try" | "with" | "raise" | "del" => {
@@ -112,7 +112,7 @@ impl Model<'_, '_> {
             }
             _ => {}
         }
-        // Angles of the turtle, seeds, and other settings that change no rule.
+        // Turtle angles, seeds, and other settings that do not affect rules.
         if self.turtle_setting(piece) {
             return next;
         }
@@ -137,7 +137,7 @@ impl Model<'_, '_> {
                 return next;
             }
         }
-        // `x += 2`; a plain assignment may have lists and several names.
+        // Handle `x += 2`; a plain assignment may contain lists and several names.
         if assignment(piece).is_none()
             && let Ok([Statement::Assign(name, e)]) = assign_statement(piece).as_deref()
             && name.chars().all(|c| c.is_alphanumeric() || c == '_')
@@ -149,7 +149,7 @@ impl Model<'_, '_> {
             return next;
         }
         if let Some((names, mut value)) = assignment(piece) {
-            // `x = y = 3` sets each name.
+            // `x = y = 3` sets both names.
             let mut others = Vec::new();
             while let Some((more, last)) = assignment(value) {
                 others.extend(split(more));
@@ -185,7 +185,7 @@ impl Model<'_, '_> {
                 self.scope.functions.insert(name.text.to_owned(), (params, body));
                 return next;
             }
-            // One list for several names.
+            // A list is unpacked to several names.
             if names.len() > 1
                 && values.len() == 1
                 && let Ok(PyExpr::List(items, _)) = parse(value).and_then(|e| resolve(&e, &self.scope, 0))
@@ -196,7 +196,7 @@ impl Model<'_, '_> {
                 }
                 return next;
             }
-            // Python takes all values before it sets the first name.
+            // Python evaluates all values before it sets the first name.
             let read = |k: usize| {
                 let one = if names.len() == values.len() { values.get(k).copied() } else { Some(value) };
                 let e = one.map_or_else(|| Err(Refusal::new("this assignment", range.clone())), parse)?;
@@ -215,7 +215,7 @@ impl Model<'_, '_> {
             }
             return next;
         }
-        // Texts in quotes and bare numbers do nothing.
+        // Strings and bare numbers have no effect.
         if piece.text.starts_with(['"', '\'']) || piece.text.parse::<f64>().is_ok() {
             return next;
         }
@@ -224,7 +224,7 @@ impl Model<'_, '_> {
         next
     }
 
-    /// `extern(n = 3, angle = 60)`: values that a program around L-Py may have set before; sliders of the file have.
+    /// Reads `extern(n = 3, angle = 60)`: values that a program around L-Py, or a slider of the file, may have set before.
     fn external(&mut self, rest: Piece<'_>) {
         let inside = rest.up_to(rest.text.rfind(')').unwrap_or(rest.text.len())).from(1);
         for part in split(inside) {
@@ -242,9 +242,9 @@ impl Model<'_, '_> {
         }
     }
 
-    /// A value of the model: a constant, or a number that is drawn once.
+    /// Sets a value of the model: a constant, or a number that is drawn once.
     pub(super) fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
-        // A function of statements runs as in the block of an axiom. One that cannot is named where the value is used.
+        // A function of statements runs like the block of an axiom. If it cannot, that is reported where the value is used.
         if first_call(e, &|name| self.has_body(name)).is_some()
             && let Ok(true) = self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range)
         {
@@ -268,7 +268,7 @@ impl Model<'_, '_> {
             return;
         }
         self.scope.lists.remove(name);
-        // A text is compared and handed on under its name, too, and no number.
+        // A string can be compared and passed on by its name, but is not a number.
         if matches!(resolved, Ok(PyExpr::Text(..))) {
             self.scope.texts.insert(name.to_owned());
         } else {
@@ -277,7 +277,7 @@ impl Model<'_, '_> {
         let code = match resolved.and_then(|e| compile(&e, &self.scope)) {
             Ok(code) => code,
             Err(why) => {
-                // Named only where it is used: many models hold values that their rules do not need.
+                // Report it only where it is used: many models contain values that their rules do not need.
                 self.scope.constants.remove(name);
                 self.scope.unreadable.insert(name.to_owned(), Refusal { range, ..why });
                 return;
@@ -292,13 +292,13 @@ impl Model<'_, '_> {
             self.initial.insert(name.to_owned(), value);
         }
         self.scope.constants.remove(name);
-        // A slot beyond 65,535 would be that of another value, but `Scope::slot` does not find such names: each use is refused.
+        // A slot above 65,535 would be that of another value, but `Scope::slot` does not find such names, so that each use is refused.
         let slot = self.scope.global(name);
         append_code(&mut self.start, &code.ops);
         self.start.push(Op::StoreGlobal(slot));
     }
 
-    /// Runs statements of the model as in the block of an axiom; false where only a run knows the way through them.
+    /// Runs statements of the model like the block of an axiom; false if their execution path is known only at run time.
     fn run(&mut self, statements: &[Statement], range: &Range<usize>) -> Result<bool, Refusal> {
         self.is_in_axiom = true;
         let ways = self.ways(statements);
@@ -320,7 +320,7 @@ impl Model<'_, '_> {
         Ok(true)
     }
 
-    /// Names that a function which L-Py runs sets to values that cannot be read: a production that uses one is refused.
+    /// Records the names that a function run by L-Py sets to unreadable values; a production that uses one is refused.
     pub(super) fn hide_unreadable(&mut self, block: &[Line<'_>]) {
         for (name, why) in block.iter().filter_map(unreadable_assignment) {
             self.scope.constants.remove(name);

@@ -1,15 +1,15 @@
-//! Why a model cannot be read.
+//! Reasons why a model cannot be read.
 
 use std::ops::Range;
 
 use crate::dialect::text::Piece;
 
-/// Why a text cannot be read: what it contains that is more than rules and expressions, and where.
+/// The unsupported construct in a text, and its place.
 #[derive(Debug, Clone)]
 pub(super) struct Refusal {
     pub construct: String,
     pub range: Range<usize>,
-    /// How to write it so that it can be read; `None`: the general advice.
+    /// How to rewrite it in supported form; `None` for the general advice.
     pub remedy: Option<&'static str>,
 }
 
@@ -23,7 +23,7 @@ impl Refusal {
     }
 }
 
-/// What to write instead of a statement of Python that is not read.
+/// The replacement for an unsupported Python statement.
 pub(super) fn remedy_of(word: &str) -> Option<&'static str> {
     Some(match word {
         "try" | "with" => "write the statements of its block without it",
@@ -33,7 +33,7 @@ pub(super) fn remedy_of(word: &str) -> Option<&'static str> {
     })
 }
 
-/// The refusal of a line that is indented more than the line before it, which heads no block.
+/// The refusal of a line that is indented more than the line before it, although that one does not begin a block.
 pub(super) fn indented_refusal(piece: Piece<'_>) -> Refusal {
     let why = Refusal::new("an indented line behind a line that heads no block", piece.range());
     why.remedy("begin it where the line before it begins")

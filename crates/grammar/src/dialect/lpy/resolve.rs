@@ -1,4 +1,4 @@
-//! Expressions with the values of the names that they read.
+//! Resolves expressions: replaces names by the values that they refer to.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
@@ -22,17 +22,17 @@ use super::scope::{RUN, RunFunction, Scope, arguments, has_random};
 use super::{curves, dictionary, lists, objects, vectors};
 use crate::code::{Bytecode, Op};
 
-/// Calls of functions of the model within one another that are written in: a function may call itself.
+/// Limit on the nesting of inlined calls of functions of the model, which may be recursive.
 const MAX_CALL_DEPTH: usize = 24;
-/// All calls of one expression that are written in.
+/// Limit on the inlined calls in one expression.
 const MAX_CALLS: usize = 10_000;
 
-/// Code of an expression; one that is constant becomes a single number.
+/// Compiles an expression to bytecode; a constant one becomes a single number.
 pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     let resolved = resolve(e, scope, 0)?;
     let mut code = Bytecode::default();
     emit(&resolved, scope, &mut code.ops)?;
-    // A value without variables and random numbers becomes one number.
+    // Without variables and random numbers the value is a single number.
     code = scope.with_tables(code);
     if let Some(value) = crate::vm::constant_value(&code) {
         code = Bytecode { ops: vec![Op::Const(value)], ..Bytecode::default() };
@@ -43,7 +43,7 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     Ok(code)
 }
 
-/// The expression with functions of the model replaced by their expressions, and the functions of Python by those of the language.
+/// Resolves an expression: inlines functions of the model, and replaces functions of Python by those of the grammar language.
 pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr, Refusal> {
     let sub = |a: &PyExpr| resolve(a, scope, depth).map(Box::new);
     let number = |a: &PyExpr| resolve(a, scope, depth).and_then(as_number).map(Box::new);
@@ -76,7 +76,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 None => e.clone(),
             }
         }
-        // Arithmetic of numbers, or of vectors, which `vectors` does by coordinate.
+        // Arithmetic of numbers, or of vectors, which `vectors` computes by coordinate.
         PyExpr::Neg(a) => {
             let a = number(a)?;
             match vectors::negated(&a) {
@@ -85,7 +85,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
         PyExpr::Not(a) => PyExpr::Not(sub(a)?),
-        // Texts are equal or not; their order is not known.
+        // Strings can only be compared for equality: their order is not known.
         PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => {
             let (a, b) = (sub(a)?, sub(b)?);
             match vectors::compared(*op, &a, &b) {
@@ -105,8 +105,8 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Choice(test, then, other) => {
             let test = resolve(test, scope, depth)?;
             match known_truth(&test, scope) {
-                // Resolve only the chosen side. The other may be one that cannot be read: it computes with `None`, or its function
-                // calls itself for ever.
+                // Resolve only the chosen side. The other one may be unreadable, because it computes with `None`, or its
+                // recursion would not end.
                 Some(holds) => return resolve(if holds { then } else { other }, scope, depth),
                 None => {
                     let (then, other) = (sub(then)?, sub(other)?);
@@ -122,7 +122,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             PyExpr::Call(name.clone(), args, range.clone())
         }
         PyExpr::Call(name, args, range) => return resolved_call(name, args, range, scope, depth),
-        // A change of a list or dictionary, such as `append`, is the new list or dictionary.
+        // A change of a list or dictionary, such as `append`, is resolved to the new list or dictionary.
         PyExpr::Change(change, args, range) => {
             let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             match args.split_first() {
@@ -149,7 +149,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                     _ => Err(Refusal::new("a slice '[:]' of something other than a list", range.clone())),
                 };
             }
-            // A list of the model is not copied for one of its items.
+            // Do not copy a list of the model to access one of its items.
             match list_of_model(list, scope) {
                 Some(items) => item(items, &index, scope, range)?,
                 None => indexed(&resolve(list, scope, depth)?, &index, scope, range)?,
@@ -158,19 +158,19 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
     })
 }
 
-/// An attribute of an object with its resolved value.
+/// An attribute of an object, with its value resolved.
 fn resolved_pair(pair: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr, Refusal> {
     let PyExpr::Call(field, value, range) = pair else { return resolve(pair, scope, depth) };
     let value = value.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
     Ok(PyExpr::Call(field.clone(), value, range.clone()))
 }
 
-/// A resolved operand that must be a number: a text is refused.
+/// A resolved operand that must be a number; strings are refused.
 fn as_number(e: PyExpr) -> Result<PyExpr, Refusal> {
     if let PyExpr::Text(value, range) = e { Err(text_refusal(value, range)) } else { Ok(e) }
 }
 
-/// A vector as the list of its coordinates; any other expression itself.
+/// A vector as the list of its coordinates; other expressions unchanged.
 fn as_list(e: PyExpr) -> PyExpr {
     match vectors::coordinates_of(&e) {
         Some(items) => PyExpr::List(items.to_vec(), range_of(&e)),
@@ -178,7 +178,7 @@ fn as_list(e: PyExpr) -> PyExpr {
     }
 }
 
-/// As [`resolve`], of a call: a function of the model is replaced by its value, and what lists and dictionaries give is looked up.
+/// Resolves a call: inlines a function of the model, and evaluates operations on lists and dictionaries.
 fn resolved_call(
     name: &str,
     args: &[PyExpr],
@@ -193,7 +193,7 @@ fn resolved_call(
     if let Some(object) = objects::made(name, &args, range, scope) {
         return object;
     }
-    // Functions of the model hide those of Python with the same name.
+    // Functions of the model hide Python functions of the same name.
     if scope.functions.contains_key(name) {
         return function_value(name, args, range, scope, depth);
     }
@@ -206,25 +206,25 @@ fn resolved_call(
     if let Some(why) = scope.unreadable.get(name) {
         return Err(why.clone());
     }
-    // Refuse texts where Python takes numbers only.
+    // Refuse strings where Python accepts only numbers.
     if OF_NUMBERS.contains(&name)
         && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
     {
         return Err(text_refusal(*value, range.clone()));
     }
-    // Functions of vectors, of sequences, of dictionaries, in this order.
+    // Try functions of vectors, of sequences, and of dictionaries, in this order.
     if let Some(of_vectors) = vectors::function(name, &args, scope, range) {
         return of_vectors;
     }
-    // A vector is read as a list is.
+    // A vector is read like a list.
     let reads_list =
         matches!(name, "sum" | "min" | "max" | "list" | "tuple" | "sorted" | "reversed" | "enumerate" | "zip" | IN);
     let args = if reads_list { args.into_iter().map(as_list).collect() } else { args };
     if let Some(of_dictionary) = dictionary::method(name, &args, scope, range) {
         return of_dictionary;
     }
-    // Functions whose result follows from the items of their lists become numbers, lists or expressions of the items; any other
-    // call stays a call, which becomes code or is refused later.
+    // Functions whose result follows from the items of their lists become numbers, lists or expressions of the items. Other
+    // calls remain, and are compiled or refused later.
     Ok(match (name, args.as_slice()) {
         ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
         ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
@@ -237,7 +237,7 @@ fn resolved_call(
         }
         ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
         ("list" | "tuple" | ".copy", [list @ PyExpr::List(..)]) => list.clone(),
-        // A copy of a number, a text, a list or a vector is the same value.
+        // A copy of a number, a string, a list or a vector is the same value.
         ("copy" | "deepcopy", [value]) => value.clone(),
         ("dict", _) => dictionary_of(&args, range)?,
         ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
@@ -289,8 +289,8 @@ fn resolved_call(
     })
 }
 
-/// The value of a call of a function of the model, its arguments resolved: its expression with these, or a call of its code where it
-/// calls itself more often than expressions are written in.
+/// The value of a call of a function of the model with resolved arguments: its expression inlined, or a call of its code if
+/// its recursion is deeper than calls are inlined.
 fn function_value(
     name: &str,
     args: Vec<PyExpr>,
@@ -303,7 +303,7 @@ fn function_value(
     };
     let args = arguments(params, scope.defaults.get(name), args);
     let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
-    // Once its code is known, only calls with known numbers are written in.
+    // Once the function is compiled to code, only calls with constant arguments are inlined.
     let is_run = scope.run_index(name).is_some();
     if is_run && args.iter().any(|a| constant_of(a, scope).is_none()) {
         return call_of_code(name, args, range, scope);
@@ -312,10 +312,10 @@ fn function_value(
         scope.has_too_many_calls.set(false);
     }
     let value = written_in(name, &args, range, scope, depth);
-    // One that calls itself may have become too large before its calls were too many.
+    // A recursive function may have become too large before its calls were too many.
     let calls_itself = || first_call(body, &|called| called == name).is_some() && args.iter().all(is_number);
     if value.is_err() && depth == 0 && (scope.has_too_many_calls.get() || calls_itself()) {
-        // Code takes numbers only; for lists the error names the call that was one too many.
+        // Code accepts only numbers; for lists report the call that exceeded the limit.
         if !args.iter().all(is_number) && !is_recursive(name, scope) {
             return value;
         }
@@ -324,7 +324,7 @@ fn function_value(
     value
 }
 
-/// The expression of a function with the arguments of a call in place of its parameters.
+/// Inlines a function: its expression with the parameters replaced by the arguments of a call.
 fn written_in(
     name: &str,
     args: &[PyExpr],
@@ -336,7 +336,7 @@ fn written_in(
         return Err(scope.refused_call(name, range.clone()));
     };
     count_call(name, range, scope, depth)?;
-    // An argument is written in as often as the body reads it, so that one which draws may be read once.
+    // An argument is copied wherever the body reads it, so that one that draws random numbers may be read only once.
     let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
     if !params.iter().zip(args).all(is_drawn_once) {
         return Err(Refusal::new(format!("this call of '{name}'"), range.clone()));
@@ -348,12 +348,12 @@ fn written_in(
     resolve(&substitute(body, params, &args), scope, depth + 1)
 }
 
-/// False for lists, vectors and dictionaries.
+/// False for lists, vectors and dictionaries, which are not numbers.
 fn is_number(e: &PyExpr) -> bool {
     !is_list_or_vector(e) && !is_dictionary(e)
 }
 
-/// A call of the code of a function, which is made by the first call. Its arguments are numbers.
+/// A call of a function compiled to code, which the first call compiles. Its arguments must be numbers.
 fn call_of_code(name: &str, args: Vec<PyExpr>, range: &Range<usize>, scope: &Scope) -> Result<PyExpr, Refusal> {
     if !args.iter().all(is_number) {
         let why = Refusal::new(format!("a list as an argument of the recursive function '{name}'"), range.clone());
@@ -363,7 +363,7 @@ fn call_of_code(name: &str, args: Vec<PyExpr>, range: &Range<usize>, scope: &Sco
         return Err(scope.refused_call(name, range.clone()));
     };
     let at = scope.run_index(name).unwrap_or_else(|| {
-        // It is named before its code is made, so that its calls of itself find it.
+        // Register the function before compiling it, so that its recursive calls find it.
         let number = scope.run.borrow().len();
         scope.run.borrow_mut().push(RunFunction {
             name: name.to_owned(),
@@ -385,7 +385,7 @@ fn call_of_code(name: &str, args: Vec<PyExpr>, range: &Range<usize>, scope: &Sco
     Ok(PyExpr::Call(format!("{RUN}{name}"), args, range.clone()))
 }
 
-/// As [`resolve`], of `[value for name in list]`.
+/// Resolves `[value for name in list]`.
 fn resolved_each(
     value: &PyExpr,
     name: &String,
@@ -408,7 +408,7 @@ fn resolved_each(
     let mut out = Vec::with_capacity(items.len());
     for item in items {
         let mut one = substitute(value, std::slice::from_ref(name), &[item]);
-        // A test that leaves items out must be known.
+        // A test that omits items must be constant.
         while let PyExpr::Choice(test, then, other) = &one
             && is_nothing(other)
         {
@@ -424,7 +424,7 @@ fn resolved_each(
     Ok(PyExpr::List(out, range.clone()))
 }
 
-/// Counts a call of a function of the model, `depth` within others. Fails where there are too many.
+/// Counts an inlined call of a function of the model, nested in `depth` others; fails beyond the limits.
 fn count_call(name: &str, range: &Range<usize>, scope: &Scope, depth: usize) -> Result<(), Refusal> {
     scope.calls.set(if depth == 0 { 1 } else { scope.calls.get() + 1 });
     let construct = if depth >= MAX_CALL_DEPTH {
@@ -450,14 +450,14 @@ fn count_call(name: &str, range: &Range<usize>, scope: &Scope, depth: usize) -> 
     Err(why.remedy(remedy))
 }
 
-/// Whether a function of the model calls itself, by way of any others.
+/// True if a function of the model calls itself, directly or through others.
 fn is_recursive(name: &str, scope: &Scope) -> bool {
     let mut seen = BTreeSet::new();
     let mut open = vec![name.to_owned()];
     while let Some(one) = open.pop() {
         let Some((_, body)) = scope.functions.get(&one) else { continue };
         let called = RefCell::new(Vec::new());
-        // The search ends at none of the calls, so that it meets them all.
+        // Return false for each call, so that the search continues and finds all of them.
         let note = |called_name: &str| {
             called.borrow_mut().push(called_name.to_owned());
             false
@@ -475,7 +475,7 @@ fn is_recursive(name: &str, scope: &Scope) -> bool {
     false
 }
 
-/// The items of a list that a name stands for.
+/// The items of a list of the model, by its name; `None` for other expressions.
 fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
     let PyExpr::Name(name, _) = e else { return None };
     let is_hidden = scope.locals.contains(name);
@@ -487,7 +487,7 @@ fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
     }
 }
 
-/// An item of a list, or of the list that a choice gives: `list[i][1]` with a list of lists.
+/// An item of a list, or of each list in a choice, as in `list[i][1]` of a list of lists.
 fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     if let Some(items) = vectors::coordinates_of(list) {
         return item(items, index, scope, range);
@@ -516,7 +516,7 @@ pub(super) fn is_list_or_vector(e: &PyExpr) -> bool {
     matches!(e, PyExpr::List(..)) || vectors::coordinates_of(e).is_some() || is_object(e)
 }
 
-/// False for an expression that is neither list nor vector whatever its names are; it need not be resolved.
+/// False if an expression is certainly neither a list nor a vector, so that it need not be resolved.
 pub(super) fn may_be_list(e: &PyExpr, scope: &Scope) -> bool {
     let of = |e: &PyExpr| may_be_list(e, scope);
     match e {
@@ -526,7 +526,7 @@ pub(super) fn may_be_list(e: &PyExpr, scope: &Scope) -> bool {
         PyExpr::Neg(a) => of(a),
         PyExpr::Choice(_, a, b) => of(a) && of(b),
         PyExpr::Call(name, ..) => {
-            // `[[]]` is a list over several lists.
+            // `[[]]` represents a comprehension over several lists.
             matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
                 || matches!(name.as_str(), "copy" | "deepcopy")
                 || matches!(name.as_str(), "enumerate" | "zip" | ".keys" | ".values" | ".items" | ".copy" | "[[]]")

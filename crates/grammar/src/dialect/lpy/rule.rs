@@ -1,4 +1,4 @@
-//! Productions: their heads, and one production for each way through their statements.
+//! Reads productions: their heads, and one production for each execution path through their statements.
 
 use std::collections::BTreeSet;
 
@@ -22,20 +22,20 @@ use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::token::SourcePlace;
 use crate::vm;
 
-/// Predecessor and contexts of a production, before its statements.
+/// Predecessor and contexts of a production, which precede its statements.
 struct Head {
     left: Vec<ContextElement>,
     formals: Vec<FormalModule>,
     right: Vec<ContextElement>,
     new_left: Vec<ContextElement>,
     new_right: Vec<ContextElement>,
-    /// What the parameters of its modules must be.
+    /// Conditions on the parameters of its modules.
     conditions: Vec<PyExpr>,
     place: SourcePlace,
 }
 
-/// The parts of `left < new left << predecessor >> new right > right`, of which all but the predecessor may be missing. The sign
-/// next to a context says which one it is, so that their order is free.
+/// The parts of `left < new left << predecessor >> new right > right`, of which all but the predecessor are optional. The
+/// operator next to a context determines its kind, so that their order is free.
 struct HeadParts<'t> {
     left: Option<Piece<'t>>,
     new_left: Option<Piece<'t>>,
@@ -49,7 +49,7 @@ impl<'t> HeadParts<'t> {
         let mut parts = Self { left: None, new_left: None, predecessor: head, new_right: None, right: None };
         let bytes = head.text.as_bytes();
         let (mut depth, mut begin, mut i) = (0_usize, 0, 0);
-        // The sign before the part that begins at `begin`, if it is one of the right side.
+        // The operator before the part that begins at `begin`, if it is one of the right side.
         let mut sign: Option<&str> = None;
         while i <= bytes.len() {
             let c = bytes.get(i).copied();
@@ -81,8 +81,8 @@ impl<'t> HeadParts<'t> {
     }
 }
 
-/// Names of modules with the numbers of parameters that the text gives them; of texts without `*` among parameters none, as
-/// nothing asks for them.
+/// Names of modules with the numbers of parameters that they have in the text; empty if no parameter list contains `*`,
+/// because the numbers are needed only for that.
 pub(super) fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usize)> {
     let mut out = BTreeSet::new();
     if !text.contains("(*") && !text.contains(",*") && !text.contains(", *") {
@@ -91,7 +91,7 @@ pub(super) fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usiz
     let single = text.chars().filter(char::is_ascii_alphabetic).map(|c| c.to_string()).collect::<BTreeSet<_>>();
     for name in declared.iter().cloned().chain(single) {
         for (i, _) in text.match_indices(name.as_str()) {
-            // A longer word is another name, unless it is a row of modules: those of single letters cannot be told from it.
+            // A name of several letters must not be part of a longer word; single letters may be modules in a row.
             let after = &text[i + name.len()..];
             let is_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
             if name.len() > 1 && (is_word(text[..i].chars().next_back()) || is_word(after.chars().next())) {
@@ -111,7 +111,7 @@ pub(super) fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usiz
 }
 
 impl Model<'_, '_> {
-    /// A production: `head --> successor`, or `head:` with statements.
+    /// Reads a production: `head --> successor`, or `head:` with statements.
     pub(super) fn rule(&mut self, list: &[Line<'_>], i: usize) {
         let Some(Line { indent, piece }) = list.get(i).copied() else { return };
         let (block, _) = block_after(list, i, indent);
@@ -148,7 +148,7 @@ impl Model<'_, '_> {
             return;
         }
         let Some(statements) = self.settle(statements) else { return };
-        // With `*args` there is a production for each number of parameters that the model gives the module.
+        // With `*args` there is a production for each number of parameters with which the model uses the module.
         for star in self.star_lengths(head) {
             self.star = star;
             self.scope.locals.clear();
@@ -164,9 +164,9 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Numbers of parameters that the `*args` of a head may stand for; a single 0 without one.
+    /// Numbers of parameters that `*args` in a head may represent; a single 0 if the head has none.
     fn star_lengths(&self, head: Piece<'_>) -> Vec<usize> {
-        // Signs of contexts are no names of modules.
+        // Operators of contexts are not names of modules.
         let plain = head.text.replace(['<', '>'], " ");
         let Ok(spelled) = spell(Piece::new(head.at, &plain), &self.declared) else { return vec![0] };
         for s in spelled {
@@ -179,14 +179,14 @@ impl Model<'_, '_> {
         vec![0]
     }
 
-    /// The productions of one reading of a head; `None` after an error.
+    /// Makes the productions of one reading of a head; `None` after an error.
     fn rule_of(&mut self, head: Piece<'_>, condition: Option<Piece<'_>>, mut statements: Vec<Statement>) -> Option<()> {
         let heads = self.heads(head);
         let head = self.settle(heads)?;
         if let Some(condition) = condition {
             let test = self.test(condition);
             let test = self.settle(test)?;
-            // `head : condition --> successor` is `head: if condition: produce successor`.
+            // Treat `head : condition --> successor` as `head: if condition: produce successor`.
             statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
         }
         if let Some(test) = head.conditions.iter().cloned().reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b))) {
@@ -202,7 +202,7 @@ impl Model<'_, '_> {
             self.refuse(&why.remedy("call it in StartEach(), which runs before each step"));
             return None;
         }
-        // Productions of a group wait for its number.
+        // Productions of a group apply only while that group is active.
         if self.group.abs() > 0.0 {
             let active = PyExpr::Name(GROUP.to_owned(), 0..0);
             let is = PyExpr::Binary(PyOp::Eq, Box::new(active), Box::new(PyExpr::Number(self.group)));
@@ -210,7 +210,7 @@ impl Model<'_, '_> {
         }
         let ways = self.ways(&statements);
         let ways = self.settle(ways)?;
-        // The module that stays would have an object that has changed: it must be made anew.
+        // If an execution path changes an object of the head but makes no modules, the old module would remain with the old object.
         let is_kept =
             |way: &&Way| !way.produced && self.rule_lists.iter().any(|(name, _)| way.changed_objects.contains(name));
         if let Some(way) = ways.iter().find(is_kept) {
@@ -221,9 +221,9 @@ impl Model<'_, '_> {
             self.refuse(&why.remedy("end each way by 'produce' with the module that holds the object: produce A(p)"));
             return None;
         }
-        // A way without modules still assigns variables of the model; the next production is tried after it.
+        // A path without modules may still assign variables of the model; the next production is tried after it.
         let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty()).collect();
-        // A variable that only other ways set has no value: L-Py ends with an error on such a way.
+        // A variable that is set only on other paths has no value: L-Py ends with an error on such a path.
         let is_of_head = |name: &String| self.rule_lists.iter().any(|(own, _)| own == name);
         names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name) && !is_of_head(name));
         let unset: Vec<Option<&String>> =
@@ -250,7 +250,7 @@ impl Model<'_, '_> {
         Some(())
     }
 
-    /// Left context, predecessor and right context, whose parameters become local variables.
+    /// Reads left context, predecessor and right context, whose parameters become local variables.
     fn heads(&mut self, head: Piece<'_>) -> Result<Head, Refusal> {
         let parts = HeadParts::new(head);
         if (parts.new_left.is_some() || parts.new_right.is_some()) && self.section != Section::Rules {
@@ -270,7 +270,7 @@ impl Model<'_, '_> {
         if formals.is_empty() {
             return Err(Refusal::new("a production without predecessor", head.range()));
         }
-        // A single `*` is no context.
+        // A single `*` means no context.
         let mut context = |model: &mut Self, piece: Option<Piece<'_>>| match piece.map(|p| p.trimmed()) {
             Some(p) if p.text != "*" => model.elements(p, &mut conditions),
             _ => Ok(Vec::new()),
@@ -289,7 +289,7 @@ impl Model<'_, '_> {
         while let Some(s) = list.next() {
             match s.name.as_str() {
                 "[" => out.push(ContextElement::Open),
-                // The other way round than in cpfg: a bracket skips the rest of its branch, `=]` does not.
+                // The reverse of cpfg: `]` skips the rest of its branch, `=]` does not.
                 "]" => out.push(ContextElement::CloseRest),
                 "=" if list.peek().is_some_and(|n| n.name == "]") => {
                     list.next();
@@ -306,7 +306,8 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// A module of a head: its parameters are names, names with a condition `x if x > 2`, or constants that they must equal.
+    /// Reads a module of a head. Its parameters are names, names with a condition such as `x if x > 2`, or constants that
+    /// they must equal.
     fn formal(&mut self, s: &Spelled<'_>, conditions: &mut Vec<PyExpr>) -> Result<FormalModule, Refusal> {
         let place = self.reader.place(s.range.clone());
         let slot = u16::try_from(self.scope.locals.len());
@@ -315,9 +316,9 @@ impl Model<'_, '_> {
         let list = |names: &[String]| {
             PyExpr::List(names.iter().map(|n| PyExpr::Name(n.clone(), s.range.clone())).collect(), s.range.clone())
         };
-        // A query has three numbers, which one name holds as a vector: `?P(v)` has `v.x` and `v[0]`.
+        // A query has three numbers, which a single name holds as a vector: `?P(v)` allows `v.x` and `v[0]`.
         let is_vector = QUERIES.contains(&s.name.as_str()) && params.len() < 3;
-        // `A(x, *args)` takes whatever number of parameters there is beyond the first: `star` in this reading of the head.
+        // `A(x, *args)` accepts any number of parameters beyond the first: `star` of them in this reading of the head.
         let star = params.last().filter(|p| p.text.starts_with('*') && !p.text.starts_with("**"));
         let plain = if is_vector { &[][..] } else { &params[..params.len() - usize::from(star.is_some())] };
         let shape = self.shape_of(&s.name, plain.len());
@@ -331,7 +332,7 @@ impl Model<'_, '_> {
             let mut chars = name.text.chars();
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
-            // A list or a vector has a name, and a parameter for each of its items.
+            // A list or a vector has one name, and a parameter for each of its items.
             if let (true, ParamShape::List(n) | ParamShape::Vector(n) | ParamShape::Object { count: n, .. }) =
                 (is_name, *shape)
             {
@@ -356,13 +357,13 @@ impl Model<'_, '_> {
                     why.remedy("give the parameter a name, and compare its items in a condition: v if v[0] > 2")
                 );
             }
-            // A name that an earlier parameter has is no new one, and is refused below.
+            // A name that an earlier parameter has is not a new one, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
                 conditions.extend(condition.map(|c| self.test(c)).transpose()?);
                 continue;
             }
-            // `x == 2` and `x != 2` are a name with a condition.
+            // `x == 2` and `x != 2` are read as a name with a condition.
             let test = if is_name || condition.is_some() { None } else { parse(name).ok() };
             if let Some(PyExpr::Binary(op, left, _)) = &test
                 && let PyExpr::Name(own, _) = &**left
@@ -373,14 +374,14 @@ impl Model<'_, '_> {
                 conditions.extend(test);
                 continue;
             }
-            // Without a new name only a constant is left, which the parameter must equal.
+            // Without a new name it must be a constant that the parameter must equal.
             let constant = parse(name).ok().and_then(|e| compile(&e, &self.scope).ok());
             let constant =
                 constant.and_then(|code| vm::constant_value(&code)).filter(|_| !is_name && condition.is_none());
             let Some(value) = constant else {
                 return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
             };
-            // The constant gets a variable that no model can name, so that slots continue in the order of the parameters.
+            // The constant gets a variable with a name that no model can contain, so that slots stay in the order of the parameters.
             let hidden = format!("(parameter {})", self.scope.locals.len());
             self.scope.locals.push(hidden.clone());
             let own = Box::new(PyExpr::Name(hidden, p.range()));
@@ -412,9 +413,9 @@ impl Model<'_, '_> {
         Ok(FormalModule { symbol, arity, slot, place })
     }
 
-    /// The production of one way; `None` after an error.
+    /// Makes the production of one execution path; `None` after an error.
     fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
-        // Each way has separate variables; the parameters of the head are common to all.
+        // Each path has its own variables; the parameters of the head are common to all.
         let own = self.scope.locals.clone();
         let made = self.way_code(way);
         let built = match self.settle(made) {

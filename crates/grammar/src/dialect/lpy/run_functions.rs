@@ -1,4 +1,4 @@
-//! Functions that L-Py runs before the derivation and around each step, and settings of the turtle.
+//! Reads functions that L-Py runs before the derivation and around each step, and settings of the turtle.
 
 use std::ops::Range;
 
@@ -19,13 +19,13 @@ use crate::dialect::text::Piece;
 pub(super) const CALLED_FUNCTIONS: [&str; 7] =
     ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
 
-/// Text of the refusal of a function that returns another string than it was given.
+/// Text of the refusal of a function that returns a string other than its argument.
 const OTHER_STRING: &str = "a function that returns another string";
 
-/// Target of the jump of a `return`, until the end of its function is known.
+/// Placeholder target for the jump of a `return`, until the end of its function is known.
 const RETURN: usize = usize::MAX;
 
-/// Code of the functions that L-Py runs between the steps.
+/// Code of the functions that L-Py runs around the steps.
 #[derive(Default)]
 pub(super) struct RunFunctions {
     pub start: Vec<Op>,
@@ -34,7 +34,7 @@ pub(super) struct RunFunctions {
 }
 
 impl Model<'_, '_> {
-    /// Reads a function that L-Py runs, which becomes a block.
+    /// Reads a function that L-Py runs, and stores it as a block.
     pub(super) fn called_function(&mut self, name: &str, block: &[Line<'_>], range: &Range<usize>) {
         self.scope.is_before_step = name == "StartEach";
         let code = self.run_function(block);
@@ -65,7 +65,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Code of a function that L-Py runs: assignments of numbers, `if`. A value that cannot be read is refused where it is used.
+    /// Compiles a function that L-Py runs: assignments of numbers, and `if`. An unreadable value is refused where it is used.
     fn run_function<'t>(&mut self, block: &[Line<'t>]) -> Result<Vec<Op>, Refusal> {
         let mut lines = Vec::new();
         let parts_of = |line: &Line<'t>| {
@@ -74,11 +74,11 @@ impl Model<'_, '_> {
         };
         for line in &block.iter().flat_map(parts_of).collect::<Vec<_>>() {
             let text = line.piece.text;
-            // These do not change what rules read; `forward()` is how L-Py rewrites without it.
+            // These lines do not affect rules; `forward()` is the default direction of L-Py.
             if self.turtle_setting(line.piece) || text.starts_with("context(") || is_seed(line.piece) {
                 continue;
             }
-            // `return lstring, scene` hands on both.
+            // `return lstring, scene` returns both arguments.
             let (word, rest) = line.piece.first_word(&[]);
             let values = if word.text == "return" { split(rest) } else { Vec::new() };
             if let [string, _, ..] = values.as_slice()
@@ -101,7 +101,7 @@ impl Model<'_, '_> {
         let mut ops = Vec::new();
         let mut declared = Vec::new();
         self.block_code(&statements, &mut declared, &mut ops, &mut LoopJumps::default())?;
-        // A function that does nothing but return is none.
+        // A function that only returns needs no code.
         if ops.iter().all(|op| *op == Op::Jump(RETURN)) {
             ops.clear();
         }
@@ -112,8 +112,8 @@ impl Model<'_, '_> {
         Ok(ops)
     }
 
-    /// Appends the code of statements of a function. Its local variables are kept apart from those of the model. `jumps`: those of the
-    /// loop around them.
+    /// Appends the code of a function's statements. Its local variables are separate from those of the model. `jumps`: jumps
+    /// of the enclosing loop.
     fn block_code(
         &mut self,
         statements: &[Statement],
@@ -124,7 +124,7 @@ impl Model<'_, '_> {
         for statement in statements {
             match statement {
                 Statement::Pass => {}
-                // A function that returns the string that it was given changes nothing.
+                // A function that returns its own argument changes nothing.
                 Statement::Return(value, place) => {
                     let is_own = match value {
                         Some(PyExpr::Name(name, _)) => self.run_parameters.contains(name),
@@ -142,14 +142,14 @@ impl Model<'_, '_> {
                 Statement::Assign(name, e) => {
                     let code = compile(e, &self.scope)?;
                     append_code(ops, &code.ops);
-                    // Without `global` the name is a local variable in Python, which blocks do not have.
+                    // In Python the name is a local variable without `global`; blocks have none.
                     let is_of_model = self.scope.constants.contains_key(name) || self.shared.contains(name);
                     if !declared.contains(name) && is_of_model {
                         return Err(Refusal::new(format!("'{name}' as a variable of its own"), 0..0));
                     }
                     ops.push(Op::StoreGlobal(self.scope.global(name)));
                 }
-                // test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code that they pass.
+                // Emit test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code in between.
                 Statement::If(tests, other) => {
                     let mut ends = Vec::new();
                     for (test, then) in tests {
@@ -167,7 +167,7 @@ impl Model<'_, '_> {
                         ops[end] = Op::Jump(ops.len());
                     }
                 }
-                // `break` and `continue` are jumps whose targets the loop around them sets.
+                // `break` and `continue` are jumps whose targets the enclosing loop sets.
                 Statement::While(test, body, place, _) => self.block_loop(test, body, place, declared, ops)?,
                 Statement::Break(_) => {
                     jumps.breaks.push(ops.len());
@@ -177,9 +177,9 @@ impl Model<'_, '_> {
                     jumps.continues.push(ops.len());
                     ops.push(Op::Pop);
                 }
-                // Only productions have these: ends of turns, loops and functions that are written out.
+                // These occur only in productions: ends of unrolled iterations and loops, and of inlined functions.
                 Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
-                // A loop over numbers that can be counted becomes a `while` loop.
+                // A loop over a range with a positive step becomes a `while` loop.
                 Statement::For(name, list, body, place) => {
                     let counted = self.counted_loop(name, list, body, place).ok_or_else(|| {
                         let why = Refusal::new("'for' over a list in a function that L-Py runs", place.clone());
@@ -188,7 +188,7 @@ impl Model<'_, '_> {
                     self.block_code(&counted.begin, declared, ops, &mut LoopJumps::default())?;
                     self.block_loop(&counted.test, &counted.turn, place, declared, ops)?;
                 }
-                // Modules are made by productions alone.
+                // Only productions make modules.
                 Statement::Run(e) => {
                     let why = Refusal::new("a call of a function for its modules outside of a production", range_of(e));
                     return Err(why.remedy("write what it computes here, and its modules into a production"));
@@ -202,7 +202,7 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Appends a loop: test, JumpIfZero after the loop, body, Jump to the test.
+    /// Appends a loop: test, JumpIfZero to after the loop, body, Jump to the test.
     fn block_loop(
         &mut self,
         test: &PyExpr,
@@ -221,10 +221,10 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Reads a line that sets the turtle, such as `context().turtle.setAngleIncrement(90)`; false for any other. L008 for a setting
-    /// that has no effect.
+    /// Reads a line that sets the turtle, such as `context().turtle.setAngleIncrement(90)`; false for other lines. L008 for
+    /// a setting without effect.
     pub(super) fn turtle_setting(&mut self, piece: Piece<'_>) -> bool {
-        // The value of a method stands in parentheses, that of a member after '='.
+        // The value of a method is in parentheses, that of a member follows '='.
         let value = |method: &str, member: &str| {
             if let Some(i) = piece.text.find(method) {
                 let call = piece.from(i + method.len()).trimmed();
@@ -263,7 +263,7 @@ impl Model<'_, '_> {
         is_other
     }
 
-    /// `backward()` or `forward()`, the direction in which all steps rewrite. `is_nested`: a condition decides on it.
+    /// Sets the direction in which all steps rewrite: `backward()` or `forward()`. `is_nested`: the call depends on a condition.
     fn direction(&mut self, is_backward: bool, range: Range<usize>, is_nested: bool) -> Result<(), Refusal> {
         if is_nested || self.direction.is_some_and(|d| d != is_backward) {
             let why = Refusal::new("a direction of rewriting that changes between the steps", range);
@@ -275,8 +275,8 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Leaves out the productions that look at the new string on the side where the direction of rewriting has not made it yet:
-    /// L-Py does not apply them.
+    /// Omits productions with contexts in the part of the new string that the direction of rewriting has not made yet: L-Py
+    /// does not apply them.
     pub(super) fn keep_productions_of_direction(&mut self) {
         let is_backward = self.direction == Some(true);
         self.reader.program.is_backward = is_backward;

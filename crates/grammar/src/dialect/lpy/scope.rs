@@ -15,78 +15,78 @@ use super::refusal::Refusal;
 use crate::code::{Bytecode, CalledFunction, Op};
 use crate::token::SourcePlace;
 
-/// Prefix of the name of a call that runs the code of a function. No function of a model has such a name, as it holds a blank.
+/// Prefix in the name of a call of a function's code. It contains a blank, so that no function of a model can have such a name.
 pub(super) const RUN: &str = "run ";
 
-/// A function that runs as code.
+/// A function that is compiled to code.
 #[derive(Debug)]
 pub(super) struct RunFunction {
     pub name: String,
-    /// As [`Scope::is_before_step`], where its calls stand.
+    /// Value of [`Scope::is_before_step`] where it is called.
     pub is_before_step: bool,
     pub parameters: usize,
-    /// Its first call.
+    /// Place of its first call.
     pub place: Range<usize>,
     pub code: Result<Vec<Op>, Refusal>,
 }
 
-/// Names that expressions may use.
+/// The names that expressions may use.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scope {
     /// Variables and parameters of a rule; the position is the slot.
     pub locals: Vec<String>,
-    /// Values of the model that are drawn once, before the first step; the position is the slot.
+    /// Values of the model that are computed once, before the first step; the position is the slot.
     pub globals: Vec<String>,
     pub constants: BTreeMap<String, f64>,
-    /// Names among the constants whose values are texts.
+    /// Names of constants whose values are strings.
     pub texts: BTreeSet<String>,
-    /// Lists that no statement changes, by name; an expression may index them or loop over them.
+    /// Lists by name that no statement changes; expressions may index them or loop over them.
     pub lists: BTreeMap<String, PyExpr>,
-    /// Names whose values are more than expressions.
+    /// Names with unsupported values, and the reason.
     pub unreadable: BTreeMap<String, Refusal>,
-    /// Functions whose body is one expression, by name: their parameters and the expression.
+    /// Functions whose body is one expression, by name: parameters and expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
-    /// Functions that cannot be read, with the reason.
+    /// Functions that cannot be read, and the reason.
     pub refused_functions: BTreeMap<String, String>,
-    /// Values that parameters of functions have where a call gives none, by the name of the function.
+    /// Default values of parameters, by the name of the function.
     pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
-    /// The model has `None` or an empty text, which fail a test.
+    /// True if the model contains `None` or an empty string, which count as false.
     pub has_none: bool,
-    /// The model calls `backward()`.
+    /// True if the model calls `backward()`.
     pub is_backward: bool,
-    /// Calls of functions in the expression that is resolved.
+    /// Number of calls of functions in the expression being resolved.
     pub calls: Cell<usize>,
-    /// The calls within one another, or all of them, were too many.
+    /// True after the limit on the nesting or the number of calls was exceeded.
     pub has_too_many_calls: Cell<bool>,
-    /// Functions that run as code, as they call themselves.
+    /// Functions compiled to code because they are recursive.
     pub run: Rc<RefCell<Vec<RunFunction>>>,
-    /// The code of these functions, when the model is read.
+    /// The code of these functions; set once the model is read.
     pub run_code: Arc<OnceLock<Vec<CalledFunction>>>,
-    /// Curves of the model, and those saved behind it.
+    /// Curves of the model, including those saved after it.
     pub curves: Rc<RefCell<Curves>>,
-    /// Classes of the model whose objects hold values.
+    /// Classes whose objects hold values.
     pub classes: BTreeMap<String, Class>,
-    /// Names of the attributes of the kinds of objects that modules have as parameters.
+    /// Attribute names of each kind of objects that modules have as parameters.
     pub kinds: Rc<RefCell<Vec<Vec<String>>>>,
-    /// The text of the model, for places; `None`: a scope without a model.
+    /// The text of the model, for places; `None` in a scope without a model.
     pub source: Option<SourceId>,
-    /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
+    /// True for the code of `StartEach`, which runs before the step: `Q` then counts completed steps.
     pub is_before_step: bool,
 }
 
 impl Scope {
-    /// Slot of a local variable, which is made if it is new.
+    /// Slot of a local variable, which is added if it is new.
     pub fn local(&mut self, name: &str) -> u16 {
         let found = self.locals.iter().position(|l| l == name);
         let i = found.unwrap_or_else(|| {
             self.locals.push(name.to_owned());
             self.locals.len() - 1
         });
-        // A way has at most MAX_STEPS (20,000) steps, each of which adds at most one variable to the parameters.
+        // An execution path has at most MAX_STEPS (20,000) steps, each of which adds at most one variable to the parameters.
         slot_number(i)
     }
 
-    /// Slot of a variable of the model, which is made if it is new.
+    /// Slot of a variable of the model, which is added if it is new.
     pub fn global(&mut self, name: &str) -> u16 {
         let found = self.globals.iter().position(|g| g == name);
         let i = found.unwrap_or_else(|| {
@@ -96,13 +96,13 @@ impl Scope {
         slot_number(i)
     }
 
-    /// Index of a function among those that run as code.
+    /// Index of a function among those compiled to code.
     pub fn run_index(&self, name: &str) -> Option<usize> {
         let is_it = |f: &RunFunction| f.name == name && f.is_before_step == self.is_before_step;
         self.run.borrow().iter().position(is_it)
     }
 
-    /// The refusal of a call of a function that is not known, with the reason if the model has it.
+    /// The refusal of a call of an unknown function, with the reason if the model defines it.
     pub fn refused_call(&self, name: &str, range: Range<usize>) -> Refusal {
         let why = self.refused_functions.get(name).map(String::as_str);
         let remedy = match (name, why) {
@@ -123,12 +123,12 @@ impl Scope {
         ParamShape::Object { kind, count: fields.len() }
     }
 
-    /// The attributes of a kind of objects.
+    /// The attribute names of a kind of objects.
     pub fn fields(&self, kind: usize) -> Vec<String> {
         self.kinds.borrow().get(kind).cloned().unwrap_or_default()
     }
 
-    /// Code with the tables of the curves that it reads, and the places of its calls behind its own.
+    /// Adds to code the tables of the curves that it reads, and the places of its calls after its own places.
     pub fn with_tables(&self, mut code: Bytecode) -> Bytecode {
         if code.tables.is_none() && code.ops.iter().any(|op| matches!(op, Op::Table(..))) {
             let curves = self.curves.borrow();
@@ -138,7 +138,7 @@ impl Scope {
         code
     }
 
-    /// Index into [`Curves::call_places`] of a place of the text, for a call of a function that a variable holds.
+    /// Index into [`Curves::call_places`] of a place in the text, for a call of a function that a variable holds.
     pub fn call_place(&self, range: &Range<usize>) -> usize {
         let Some(source) = self.source else { return usize::MAX };
         let place = SourcePlace::bare(Span::new(source, range.start, range.end));
@@ -150,23 +150,24 @@ impl Scope {
         })
     }
 
-    /// Slot of a variable; `None` if it is none, or lies beyond 65,535.
+    /// Slot of a variable; `None` if there is no such variable, or if its slot would exceed 65,535.
     pub fn slot(list: &[String], name: &str) -> Option<u16> {
         list.iter().position(|l| l == name).and_then(|i| u16::try_from(i).ok())
     }
 }
 
-/// The slot of the variable of an index; the last one beyond 65,535, where `Scope::slot` finds no variable, so that each use is refused.
+/// The slot for an index. Indices above 65,535 get the last slot, in which `Scope::slot` finds no variable, so that each use
+/// is refused.
 fn slot_number(i: usize) -> u16 {
     u16::try_from(i).unwrap_or(u16::MAX)
 }
 
-/// True if the expression draws a random number, itself or in a function of the model that it calls.
+/// True if the expression draws a random number, itself or in a called function of the model.
 pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
     draws(e, scope, &mut Vec::new())
 }
 
-/// As [`has_random`], without the functions `seen`: one may call itself.
+/// Like [`has_random`], but skips the functions in `seen`, because functions may be recursive.
 fn draws<'s>(e: &PyExpr, scope: &'s Scope, seen: &mut Vec<&'s str>) -> bool {
     match e {
         PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => false,
@@ -205,16 +206,16 @@ fn draws<'s>(e: &PyExpr, scope: &'s Scope, seen: &mut Vec<&'s str>) -> bool {
     }
 }
 
-/// A function that a production defines. Its value may read variables of the production.
+/// A function defined in a production. Its value may read variables of the production.
 #[derive(Debug)]
 pub(super) struct OwnFunction {
     pub params: Vec<String>,
-    /// Values that parameters have where a call gives none.
+    /// Default values of the parameters.
     pub defaults: Vec<Option<PyExpr>>,
     pub value: PyExpr,
 }
 
-/// The arguments of a call in the order of the parameters; `None` where one is missing or has none.
+/// The arguments of a call in the order of the parameters; `None` if one is missing or unknown.
 pub(super) fn arguments(
     params: &[String],
     defaults: Option<&Vec<Option<PyExpr>>>,
@@ -234,8 +235,8 @@ pub(super) fn arguments(
     values.into_iter().collect()
 }
 
-/// An expression with the values of functions in place of their calls. A call that does not fit its function stays, and is refused as
-/// one of an unknown function.
+/// An expression with calls of functions replaced by their values. A call that does not match its function remains, and is
+/// refused like one of an unknown function.
 pub(super) fn with_functions(e: &PyExpr, functions: &BTreeMap<String, OwnFunction>, scope: &Scope) -> PyExpr {
     let e = with_parts(e, &|a| with_functions(a, functions, scope));
     let PyExpr::Call(name, args, _) = &e else { return e };

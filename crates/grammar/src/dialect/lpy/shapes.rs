@@ -1,5 +1,5 @@
-//! Lists and vectors as parameters of modules. A module has numbers only: a list becomes its items, so that its length is the same
-//! wherever the model makes the module.
+//! Lists and vectors as parameters of modules. Modules hold only numbers: a list becomes its items, so that it must have the
+//! same length wherever the model makes the module.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -17,16 +17,16 @@ use super::strings::{PyModule, is_command};
 use super::vectors::{coordinates_of, dimension};
 use crate::dialect::text::Piece;
 
-/// One of these texts occurs in each line that has a list or a vector as a parameter.
+/// Every line with a list or vector as a parameter contains one of these texts.
 const LIST_BEGINNINGS: [&str; 7] = ["Vector", "([", ",[", ", [", "((", ",(", ", ("];
 
-/// The arguments of a module as numbers, and what they were.
+/// The arguments of a module as numbers, and their shapes.
 pub(super) struct SpreadModule {
     pub args: Vec<PyExpr>,
     pub shape: Vec<ParamShape>,
 }
 
-/// The arguments of a module with vectors, and lists of other modules than commands, replaced by their items, as `*list` is.
+/// Replaces vectors and `*list` in the arguments of a module by their items, and also lists, except in turtle commands.
 pub(super) fn spread(module: &PyModule, scope: &Scope) -> Result<SpreadModule, Refusal> {
     let mut out = SpreadModule { args: Vec::with_capacity(module.args.len()), shape: Vec::new() };
     for arg in &module.args {
@@ -44,7 +44,7 @@ pub(super) fn spread(module: &PyModule, scope: &Scope) -> Result<SpreadModule, R
             out.args.extend_from_slice(items);
             continue;
         }
-        // A value that cannot be read is refused where its code is made.
+        // An unreadable value is refused where its code is made.
         let value = may_be_list(arg, scope).then(|| resolve(arg, scope, 0).ok()).flatten();
         match value {
             Some(PyExpr::List(items, _)) if !is_command(&module.name) => {
@@ -81,12 +81,12 @@ pub(super) fn spread(module: &PyModule, scope: &Scope) -> Result<SpreadModule, R
     Ok(out)
 }
 
-/// Numbers of all parameters.
+/// Total number of numeric parameters.
 fn count(shape: &[ParamShape]) -> usize {
     shape.iter().map(|p| p.count()).sum()
 }
 
-/// Parameters in words.
+/// Describes parameters in words.
 fn described(shape: &[ParamShape]) -> String {
     let words = shape.iter().map(|p| match p {
         ParamShape::Number => "a number".to_owned(),
@@ -97,7 +97,7 @@ fn described(shape: &[ParamShape]) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Shape of a parameter by its text alone: a list or vector that is written out. A name may be that of a number of a production.
+/// Shape of a parameter derived only from its text: a list or vector constant. A name may refer to a number of a production.
 fn written_shape(piece: Piece<'_>) -> ParamShape {
     let text = piece.text;
     let is_whole = |open: usize| {
@@ -115,7 +115,7 @@ fn written_shape(piece: Piece<'_>) -> ParamShape {
             split(Piece::new(piece.at + 1, inner)).len()
         }
         _ if text.starts_with('(') && is_whole(0) => {
-            // One value in parentheses is that value.
+            // A single value in parentheses is that value.
             let n = split(piece.up_to(text.len() - 1).from(1)).len();
             if n > 1 { n } else { 0 }
         }
@@ -125,8 +125,8 @@ fn written_shape(piece: Piece<'_>) -> ParamShape {
 }
 
 impl Model<'_, '_> {
-    /// Notes the modules that the text gives lists or vectors, for the heads of productions: undeclared ones of small letters
-    /// aside, which look like functions.
+    /// Records the modules to which the text passes lists or vectors, for the heads of productions; except undeclared names
+    /// in lower case, which look like functions.
     pub(super) fn find_shapes(&mut self, list: &[Line<'_>]) {
         let capitals = ('A'..='Z').map(String::from);
         let mut names: BTreeSet<String> = self.declared.iter().cloned().chain(capitals).collect();
@@ -150,7 +150,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Merges the written shape of parameters with that of earlier modules of the same name and number of parameters.
+    /// Merges the shape of parameters in the text with that of earlier modules of the same name and number of parameters.
     pub(super) fn note_shape(&mut self, name: &str, shape: Vec<ParamShape>) {
         let known = self.written_shapes.entry(name.to_owned()).or_default();
         match known.iter_mut().find(|own| own.len() == shape.len()) {
@@ -163,22 +163,22 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Shapes of the parameters of a module with this number of them.
+    /// Shapes of the parameters of a module that has this many of them.
     pub(super) fn shape_of(&self, name: &str, parameters: usize) -> Vec<ParamShape> {
         let mut known = self.shapes.get(name).into_iter().chain(self.written_shapes.get(name)).flatten();
         let shape = known.find(|shape| shape.len() == parameters);
         shape.cloned().unwrap_or_else(|| vec![ParamShape::Number; parameters])
     }
 
-    /// Refuses parameters whose lists have another length than where the module was met before, and those that would be taken for
-    /// others: a vector and a number for four numbers.
+    /// Refuses parameters whose lists have another length than in an earlier use of the module, and those that would be
+    /// confused with others, such as a vector and a number with four numbers.
     pub(super) fn check_shape(
         &mut self,
         name: &str,
         shape: &[ParamShape],
         range: &Range<usize>,
     ) -> Result<(), Refusal> {
-        // Commands of the turtle take a vector in place of its coordinates, so that any shape is allowed.
+        // Commands of the turtle accept a vector in place of its coordinates, so that any shape is allowed.
         if is_command(name) {
             return Ok(());
         }

@@ -1,5 +1,5 @@
-//! Lists of two names. In Python a change of a list under one name is a change under the other: such a list, and one that another
-//! block has made, is not changed.
+//! Lists with two names (aliases). In Python a change of a list under one name also changes it under the other: changes of
+//! such lists, and of lists that another block has made, are refused.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -11,7 +11,7 @@ use super::refusal::Refusal;
 use super::statement::Statement;
 use super::way::Way;
 
-/// Functions that read lists and keep none of them.
+/// Functions that read lists, but store none of them in their result.
 const READERS: [&str; 23] = [
     "copy",
     "deepcopy",
@@ -38,7 +38,7 @@ const READERS: [&str; 23] = [
     ".copy",
 ];
 
-/// True for `q + [..]` as the value of q, which `q += [..]` is, too: it changes the list.
+/// True for `q + [..]` assigned to q. It also represents `q += [..]`, which changes the list.
 fn extends(name: &str, e: &PyExpr) -> bool {
     let PyExpr::Binary(PyOp::Add, before, more) = e else { return false };
     let is_own = matches!(&**before, PyExpr::Name(own, _) if own == name);
@@ -48,9 +48,9 @@ fn extends(name: &str, e: &PyExpr) -> bool {
 /// Named lists that the value of an assignment may share.
 #[derive(Debug, Default)]
 pub(super) struct HandedOn {
-    /// Names whose lists the value may be, or may hold as items.
+    /// Names of lists that the value may be or contain.
     names: BTreeSet<String>,
-    /// The value may be one of these lists itself.
+    /// True if the value may be one of these lists itself.
     is_same: bool,
 }
 
@@ -79,7 +79,7 @@ fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
             append_held(value, out);
             append_held(list, out);
         }
-        // The list before a change is the same list.
+        // The list before a change is not counted: it stays the same list.
         PyExpr::Change(_, args, _) => args.iter().skip(1).for_each(|arg| append_held(arg, out)),
         PyExpr::Call(name, args, _) if !READERS.contains(&name.as_str()) => {
             args.iter().for_each(|arg| append_held(arg, out));
@@ -88,18 +88,18 @@ fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
     }
 }
 
-/// The refusal of a change of a list.
+/// The refusal of a change of a list. `why`: the reason.
 fn change_refusal(name: &str, why: &str, place: Range<usize>, remedy: &'static str) -> Refusal {
-    // Variables of axioms and functions have a number after their names.
+    // Names of variables in axioms and functions end in a number, which is removed.
     let name = name.split(" (").next().unwrap_or(name);
     Refusal::new(format!("a change of the list '{name}', which {why}"), place).remedy(remedy)
 }
 
-/// Help for a change of such a list.
+/// Help for a refused change.
 const COPY: &str = "make a copy under another name and change that one: p = list(q)";
 
 impl Model<'_, '_> {
-    /// The lists that a statement shares. Refuses a change of a list that the statements of the way have not made, or that has two names.
+    /// The lists that an assignment shares. Refuses a change of a list that was not made on this execution path, or that has two names.
     pub(super) fn handed_on(&self, statement: &Statement, way: &Way) -> Result<HandedOn, Refusal> {
         self.check_objects(statement, way)?;
         let Statement::Assign(name, e) = statement else { return Ok(HandedOn::default()) };
@@ -107,7 +107,7 @@ impl Model<'_, '_> {
         Ok(HandedOn::new(e))
     }
 
-    /// Refuses an object with two holders, if some line of the model changes such objects: in Python a change is one for both.
+    /// Refuses an object with two holders if some line of the model changes such objects: in Python both would change.
     fn check_objects(&self, statement: &Statement, way: &Way) -> Result<(), Refusal> {
         let object = |e: &PyExpr| match e {
             PyExpr::Name(name, place) => {
@@ -140,7 +140,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Notes the objects that a statement changes or hands on.
+    /// Records the objects that a statement changes or passes on.
     pub(super) fn note_objects_of(&self, statement: &Statement, way: &mut Way) {
         let is_held = |name: &String, way: &Way| {
             way.lists.get(name).or_else(|| self.scope.lists.get(name)).is_some_and(is_object)
@@ -171,7 +171,7 @@ impl Model<'_, '_> {
             return Ok(());
         }
         let is_of_model = self.is_in_axiom && self.scope.lists.contains_key(name);
-        // The object of a head may be changed: the module is made anew.
+        // An object of the head may be changed, because the module is made again.
         let is_of_head =
             self.rule_lists.iter().any(|(own, _)| own == name) && self.scope.lists.get(name).is_some_and(is_object);
         if is_change && !way.lists.contains_key(name) && !is_of_model && !is_of_head {
@@ -183,12 +183,12 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Notes the lists that have two names after a list is assigned to a name.
+    /// Records the lists that have two names after a list is assigned to a name.
     pub(super) fn share_lists(&self, name: &str, handed_on: &HandedOn, way: &mut Way) {
         let is_temporary = |name: &str| name.starts_with('(');
         for other in handed_on.names.iter().filter(|other| *other != name) {
             let is_list = way.lists.contains_key(other) || self.scope.lists.contains_key(other);
-            // Variables of this reader are read once: what they hand on has two names if it had before.
+            // Temporary variables of this reader are read once: a list that they pass on gets no further name.
             let is_read_again = !is_temporary(name) && !is_temporary(other);
             if is_list && (is_read_again || way.shared_lists.contains(other)) {
                 way.shared_lists.insert(other.clone());
@@ -199,8 +199,8 @@ impl Model<'_, '_> {
         }
     }
 
-    /// As [`Self::check_change`], for a line of the model outside of blocks. True for a change of a value that cannot be read, which is
-    /// refused where it is used.
+    /// Like [`Self::check_change`], for a line of the model outside of blocks. True for a change of an unreadable value,
+    /// which is refused where it is used.
     pub(super) fn check_change_of_model(&self, name: &str, e: &PyExpr) -> Result<bool, Refusal> {
         let is_change = is_change(e);
         if is_change && self.scope.unreadable.contains_key(name) {
@@ -215,7 +215,7 @@ impl Model<'_, '_> {
         Ok(false)
     }
 
-    /// As [`Self::share_lists`], for a value of the model.
+    /// Like [`Self::share_lists`], for a value of the model.
     pub(super) fn share_lists_of_model(&mut self, name: &str, e: &PyExpr) {
         let handed_on = HandedOn::new(e);
         if !is_change(e) {

@@ -1,4 +1,4 @@
-//! Statements of productions and functions, and what they read and set.
+//! Statements of productions and functions, and the names that they read and set.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -6,45 +6,45 @@ use std::ops::Range;
 use super::expression::{PyExpr, exchanged, first_call, is_change, mentions, substitute};
 use super::strings::PyModule;
 
-/// Variable with the number of the group of productions that is active, which no model can name.
+/// Variable that holds the number of the active group of productions; no model can contain its name.
 pub(super) const GROUP: &str = "(group)";
 
-/// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
+/// Limit on the nesting of blocks in a production, as the reader is recursive.
 pub(super) const MAX_NESTING: usize = 64;
 
 #[derive(Debug, Clone)]
 pub(super) enum Statement {
     Assign(String, PyExpr),
-    /// Conditions with their blocks, then the block of `else`.
+    /// Tests with their blocks, then the block of `else`.
     If(Vec<(PyExpr, Vec<Statement>)>, Vec<Statement>),
-    /// Variable, list of its values.
+    /// Variable, list of its values, body, place.
     For(String, PyExpr, Vec<Statement>, Range<usize>),
-    /// Adds modules; true ends the production.
+    /// Adds modules; true if it ends the production.
     Produce(Vec<PyModule>, bool),
-    /// Names whose assignments change variables of the model.
+    /// Names declared `global`, whose assignments change variables of the model.
     Global(Vec<String>),
-    /// Test, body, place of the heading, and how many turns lie after it where it is written out turn by turn.
+    /// Test, body, place of the heading, and number of iterations unrolled before.
     While(PyExpr, Vec<Statement>, Range<usize>, u32),
     Break(Range<usize>),
     Continue(Range<usize>),
-    /// `Stop()`: the derivation ends after the present step.
+    /// `Stop()`: the derivation ends after the current step.
     Stop(Range<usize>),
-    /// Where a `continue` continues in a loop that is written out turn by turn.
+    /// Target of `continue` in an unrolled loop.
     TurnEnd,
-    /// Where a `break` continues.
+    /// Target of `break` in an unrolled loop.
     LoopEnd,
     /// A call of a function for the modules that it makes.
     Run(PyExpr),
-    /// Where the `return` of a function called by a production continues: variable of the value, `None` for a function called for its
-    /// modules; function, place of the call.
+    /// Target of the `return` of an inlined function: variable for the value, `None` for a function called for its modules;
+    /// name of the function, place of the call.
     FunctionEnd(Option<String>, String, Range<usize>),
-    /// A function has a value, a production has none.
+    /// `return` with a value in a function, without one in a production.
     Return(Option<PyExpr>, Range<usize>),
     Pass,
 }
 
 impl Statement {
-    /// The statement with its expressions, and those of the blocks within it, exchanged by `read`, and the names that it sets by `own`.
+    /// The statement in which `read` replaces all expressions, also in nested blocks, and `own` the names that it sets.
     pub fn mapped(&self, own: &dyn Fn(&String) -> String, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
         let all = |list: &[Self]| list.iter().map(|s| s.mapped(own, read)).collect::<Vec<_>>();
         match self {
@@ -72,19 +72,20 @@ impl Statement {
     }
 }
 
-/// A statement with an expression in place of a name that it does not set.
+/// A statement in which a name that it does not set is replaced by an expression.
 pub(super) fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
     s.mapped(&String::clone, &|e| substitute(e, std::slice::from_ref(name), std::slice::from_ref(by)))
 }
 
-/// A statement with other names in place of names that it may set.
+/// A statement with names replaced by other names, also where it sets them.
 pub(super) fn renamed(s: &Statement, names: &[String], others: &[String]) -> Statement {
     let values: Vec<PyExpr> = others.iter().map(|other| PyExpr::Name(other.clone(), 0..0)).collect();
     let own = |name: &String| names.iter().position(|n| n == name).and_then(|i| others.get(i)).unwrap_or(name).clone();
     s.mapped(&own, &|e| substitute(e, names, &values))
 }
 
-/// A statement with lists in place of their names. Blocks within it that may set a name read it when they are reached.
+/// A statement with names of lists replaced by the lists. Nested blocks that may set such a name keep it, and read it when
+/// they are reached.
 pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Statement {
     if lists.is_empty() {
         return s;
@@ -107,9 +108,9 @@ pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Stat
     }
 }
 
-/// A statement in one turn of a loop: ranges of loops within it may name the variable.
+/// A statement in one iteration of a loop, in which lists of nested loops may contain the loop variable.
 pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
-    // Nothing sets the number of a turn, so that its value can stand wherever it is read.
+    // Nothing else sets the variable of a counter, so that its value can replace it everywhere.
     if name.starts_with('(') {
         return replaced(s, name, &PyExpr::Number(value));
     }
@@ -120,7 +121,7 @@ pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
             Statement::If(tests, all(other))
         }
         Statement::For(own, list, body, place) => {
-            // Lists must be constant, so that they need the number now; elsewhere the variable is read as it was assigned for this turn.
+            // Lists of loops must be constant and need the number now; elsewhere the variable is read as assigned for this iteration.
             let list = substitute(list, std::slice::from_ref(name), &[PyExpr::Number(value)]);
             Statement::For(own.clone(), list, all(body), place.clone())
         }
@@ -129,7 +130,7 @@ pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
     }
 }
 
-/// Statements of a loop that set a variable to 1 before each `break` of the loop.
+/// The statements of a loop with an assignment of 1 to a variable before each `break` of the loop.
 pub(super) fn noting_breaks(list: Vec<Statement>, name: &str) -> Vec<Statement> {
     let mut out = Vec::with_capacity(list.len());
     for s in list {
@@ -139,15 +140,15 @@ pub(super) fn noting_breaks(list: Vec<Statement>, name: &str) -> Vec<Statement> 
                 let tests = tests.into_iter().map(|(test, then)| (test, noting_breaks(then, name))).collect();
                 out.push(Statement::If(tests, noting_breaks(other, name)));
             }
-            // A `break` within another loop ends that one.
+            // A `break` in a nested loop ends only that loop.
             _ => out.push(s),
         }
     }
     out
 }
 
-/// The first call of one of some functions in what a statement reads before the blocks within it run; the test of a `while` is
-/// read again for each turn, and has none.
+/// The first call of a function for which `is_one` holds in the expressions that a statement reads before its nested blocks
+/// run; `None` for the test of a `while`, which is evaluated in each iteration.
 pub(super) fn call_in(s: &Statement, is_one: &dyn Fn(&str) -> bool) -> Option<PyExpr> {
     let of = |e: &PyExpr| first_call(e, is_one).cloned();
     match s {
@@ -160,7 +161,7 @@ pub(super) fn call_in(s: &Statement, is_one: &dyn Fn(&str) -> bool) -> Option<Py
     }
 }
 
-/// A statement with an expression in place of a call that [`call_in`] has found.
+/// A statement in which a call that [`call_in`] found is replaced by an expression.
 pub(super) fn without_call(s: &Statement, call: &PyExpr, by: &PyExpr) -> Statement {
     let read = |e: &PyExpr| exchanged(e, call, by);
     match s {
@@ -179,7 +180,7 @@ pub(super) fn without_call(s: &Statement, call: &PyExpr, by: &PyExpr) -> Stateme
     }
 }
 
-/// Appends the expressions of statements, with those of the blocks within them.
+/// Appends the expressions of statements, including those of nested blocks.
 fn append_expressions<'s>(statements: &'s [Statement], out: &mut Vec<&'s PyExpr>) {
     for s in statements {
         match s {
@@ -201,14 +202,14 @@ fn append_expressions<'s>(statements: &'s [Statement], out: &mut Vec<&'s PyExpr>
     }
 }
 
-/// True if statements read a name.
+/// True if the statements read the name.
 pub(super) fn read_name(statements: &[Statement], name: &str) -> bool {
     let mut all = Vec::new();
     append_expressions(statements, &mut all);
     all.into_iter().any(|e| mentions(e, name))
 }
 
-/// Names that statements assign, and those that they declare `global`.
+/// Appends the names that statements assign, and those that they declare `global`.
 pub(super) fn assigned(statements: &[Statement], names: &mut Vec<String>, globals: &mut Vec<String>) {
     for s in statements {
         match s {
@@ -228,14 +229,14 @@ pub(super) fn assigned(statements: &[Statement], names: &mut Vec<String>, global
     }
 }
 
-/// Names that statements assign, and names that they declare `global`.
+/// The names that statements assign, and those that they declare `global`.
 pub(super) fn names_of(statements: &[Statement]) -> (Vec<String>, Vec<String>) {
     let (mut names, mut globals) = (Vec::new(), Vec::new());
     assigned(statements, &mut names, &mut globals);
     (names, globals)
 }
 
-/// True if statements change the list of a name.
+/// True if the statements change the list with this name.
 pub(super) fn changes(statements: &[Statement], name: &str) -> bool {
     statements.iter().any(|s| match s {
         Statement::Assign(own, e) => own == name && is_change(e),
@@ -245,7 +246,8 @@ pub(super) fn changes(statements: &[Statement], name: &str) -> bool {
     })
 }
 
-/// True if statements only compute: a loop of them becomes code that runs as often as it must.
+/// True if the statements only compute numbers: they make no modules, run no functions, do not return and change no lists. A
+/// loop of such statements is compiled to code, which can run any number of iterations.
 pub(super) fn only_computes(statements: &[Statement]) -> bool {
     statements.iter().all(|s| match s {
         Statement::If(tests, other) => tests.iter().all(|(_, then)| only_computes(then)) && only_computes(other),
@@ -256,7 +258,7 @@ pub(super) fn only_computes(statements: &[Statement]) -> bool {
     })
 }
 
-/// Reason for which productions may not call a function; `None` if they may.
+/// The reason why productions may not call a function with these statements; `None` if they may.
 pub(super) fn hindrance(statements: &[Statement]) -> Option<&'static str> {
     statements.iter().find_map(|s| match s {
         Statement::If(tests, other) => tests.iter().find_map(|(_, then)| hindrance(then)).or_else(|| hindrance(other)),

@@ -1,4 +1,4 @@
-//! Strings of modules of L-Py: `F(1)[+(30)Apex(n-1)]`, and the names that modules may have.
+//! Parses strings of modules of L-Py, such as `F(1)[+(30)Apex(n-1)]`, and the names of modules.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::pieces::{assignment, closing, is_name, split};
 use super::refusal::Refusal;
 use crate::dialect::text::Piece;
 
-/// Names of L-Py that mean the same as a shorter one. Source: its help card.
+/// Names of L-Py that are synonyms of a shorter one. Source: its help card.
 const ALIASES: [(&str, &str); 39] = [
     ("SB", "["),
     ("EB", "]"),
@@ -52,7 +52,7 @@ const ALIASES: [(&str, &str); 39] = [
     ("HeadingReflexion", "HeadingReflection"),
 ];
 
-/// Names of several characters that are known without a declaration. Source: the same.
+/// Names of several characters that need no declaration. Source: the same.
 const NAMES: [&str; 48] = [
     "SetContour",
     "SetGuide",
@@ -104,33 +104,33 @@ const NAMES: [&str; 48] = [
     "HeadingReflection",
 ];
 
-/// Commands whose parameters are objects of Python.
+/// Commands whose parameters are Python objects.
 const OBJECTS: [&str; 3] = ["surface", "TextureScale", "TextureTransformation"];
 
-/// Queries whose answers are three numbers.
+/// Queries that return three numbers.
 pub(super) const QUERIES: [&str; 4] = ["?P", "?H", "?U", "?L"];
 
-/// The refusal of a query whose answer is more than a vector.
+/// The refusal of a query that returns more than a vector.
 pub(super) fn frame_query(name: &str, range: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the query '{name}'"), range);
     why.remedy("ask for its parts: ?P (position), ?H (heading), ?L (left) and ?U (up)")
 }
 
-/// A module of a string, its parameters as text.
+/// A module in a string, with its parameters as text.
 #[derive(Debug, Clone)]
 pub(super) struct Spelled<'t> {
-    /// The name, aliases replaced.
+    /// The name, with synonyms replaced.
     pub name: String,
     pub params: Option<Vec<Piece<'t>>>,
     pub range: Range<usize>,
 }
 
-/// A module that a production makes, with parameters that are still expressions.
+/// A module that a production makes; its parameters are still expressions.
 #[derive(Debug, Clone)]
 pub(super) struct PyModule {
     pub name: String,
     pub args: Vec<PyExpr>,
-    /// What its parameters were before lists and vectors became numbers; `None`: `args` has them as they are written.
+    /// Shapes of its parameters before lists and vectors became numbers; `None` if `args` still holds them as written.
     pub shape: Option<Vec<ParamShape>>,
     pub range: Range<usize>,
 }
@@ -146,7 +146,7 @@ pub(super) fn is_command(name: &str) -> bool {
         )
 }
 
-/// The length of the name at the beginning of a text, and the name: the longest that is known, else one character.
+/// Length of the name at the beginning of a text, and the name: the longest known name, else one character.
 fn name_at(text: &str, declared: &[String]) -> (usize, String) {
     // `~l` is the surface l.
     if let Some(rest) = text.strip_prefix('~')
@@ -155,9 +155,9 @@ fn name_at(text: &str, declared: &[String]) -> (usize, String) {
         return (2, format!("~{letter}"));
     }
     let aliases = ALIASES.iter().map(|(long, short)| (*long, *short));
-    // Declared names take part in the search for the longest: `module Fx` hides the F in `Fx`.
+    // Declared names compete for the longest match: `module Fx` hides the F in `Fx`.
     let own = declared.iter().map(|n| (n.as_str(), n.as_str()));
-    // `new` makes a module only with the name of one: the letters alone are three modules.
+    // `new` makes a module only with a parenthesis; otherwise its letters are three modules.
     let is_called = |(name, _): &(&str, &str)| text.strip_prefix(*name).is_some_and(|t| t.starts_with('('));
     let aliases = aliases.chain([("newmodule", "new"), ("new", "new")].into_iter().filter(is_called));
     let known = aliases.chain(NAMES.iter().chain(&OBJECTS).map(|n| (*n, *n))).chain(own);
@@ -166,7 +166,7 @@ fn name_at(text: &str, declared: &[String]) -> (usize, String) {
         Some((name, short)) => (name.len(), short.to_owned()),
         None => {
             let c = text.chars().next().unwrap_or(' ');
-            // Unknown commands of `@` are one name with the letter after it.
+            // An unknown command of `@` is one name with the letter after it.
             let second = text[c.len_utf8()..].chars().next().filter(|d| c == '@' && !d.is_whitespace());
             let n = c.len_utf8() + second.map_or(0, char::len_utf8);
             (n, text[..n].to_owned())
@@ -188,14 +188,14 @@ pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spe
         }
         let (n, name) = name_at(rest, declared);
         let at = piece.at + i;
-        // Parameters are read with their module; a parenthesis here has none.
+        // Parameters are read with their module, so that a parenthesis here belongs to no module.
         if matches!(name.as_str(), "(" | ")" | "\"" | "'") {
             return Err(Refusal::new(format!("'{name}' without a module before it"), at..at + n));
         }
         i += n;
         let mut end = piece.at + i;
         let after = &text[i..];
-        // Blanks may stand between a name and its parenthesis.
+        // Blanks may separate a name and its parenthesis.
         let open = after.len() - after.trim_start().len();
         let mut params = None;
         if after[open..].starts_with('(') {
@@ -211,21 +211,21 @@ pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spe
     Ok(out)
 }
 
-/// The three numbers of a point `Vector3(x,y,z)` or `(x,y,z)`; any other parameter itself.
+/// The three numbers of a point `Vector3(x,y,z)` or `(x,y,z)`; other parameters unchanged.
 fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     let inner = piece.text.strip_prefix("Vector3").unwrap_or(piece.text);
     let from = piece.text.len() - inner.len();
-    // The parenthesis that opens must close at the very end: `(a)*(b)` is an expression.
+    // The opening parenthesis must close at the very end: `(a)*(b)` is an expression.
     let is_list = inner.starts_with('(') && closing(&inner[1..]).is_some_and(|i| i + 2 == inner.len());
     if !is_list {
         return vec![piece];
     }
     let parts = split(piece.up_to(piece.text.len() - 1).from(from + 1));
-    // Other numbers of parts are left to the parser of expressions, which reports them.
+    // Leave other numbers of parts to the expression parser, which reports them.
     if parts.len() == 3 { parts } else { vec![piece] }
 }
 
-/// An argument of a module: an expression, or `*list`, which is kept as a call of `*`; `size=2` as a call of `size=`.
+/// An argument of a module: an expression; `*list` is represented as a call of `*`, and `size=2` as a call of `size=`.
 fn argument(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
     if let Some((name, value)) = assignment(piece).filter(|(name, _)| is_name(name.text)) {
         return Ok(PyExpr::Call(format!("{}=", name.text), vec![parse(value)?], piece.range()));
@@ -240,12 +240,12 @@ fn argument(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
     }
 }
 
-/// Modules that a list of Python gives to `nsproduce`, `([F(1), ('Leaf', 2), SB()])`; `None` for anything else.
+/// Modules in a list argument of `nsproduce`, `([F(1), ('Leaf', 2), SB()])`; `None` for other arguments.
 pub(super) fn listed_modules(piece: Piece<'_>, declared: &[String]) -> Result<Option<Vec<PyModule>>, Refusal> {
     let Some(inner) = within(piece, '(', ')').and_then(|list| within(list, '[', ']')) else { return Ok(None) };
     let mut out = Vec::new();
     for item in split(inner) {
-        // `('F', 1)` and `'F'` name the module by a text.
+        // In `('F', 1)` and `'F'` a string names the module.
         let parts = within(item, '(', ')').or_else(|| within(item, '[', ']')).map_or_else(|| vec![item], split);
         let Some((name, params)) = parts.split_first().filter(|(name, _)| name.text.starts_with(['"', '\''])) else {
             match modules(item, declared)?.as_slice() {
@@ -265,7 +265,7 @@ pub(super) fn listed_modules(piece: Piece<'_>, declared: &[String]) -> Result<Op
     Ok(Some(out))
 }
 
-/// The module that `new('Leaf', 2)` makes: its name, then its parameters.
+/// The module made by `new('Leaf', 2)`: name, then parameters.
 fn new_module(s: &Spelled<'_>, declared: &[String]) -> Result<PyModule, Refusal> {
     let Some((name, params)) = s.params.as_deref().and_then(<[_]>::split_first) else {
         return Err(Refusal::new("'new' without the name of a module", s.range.clone()));
@@ -280,23 +280,23 @@ fn new_module(s: &Spelled<'_>, declared: &[String]) -> Result<PyModule, Refusal>
     Ok(PyModule { name, args, shape: None, range: s.range.clone() })
 }
 
-/// What stands between two signs that a text begins and ends with.
+/// The text between two characters, if it begins and ends with them.
 fn within(piece: Piece<'_>, open: char, close: char) -> Option<Piece<'_>> {
     let piece = piece.trimmed();
     let inner = piece.text.strip_prefix(open)?.strip_suffix(close)?;
     Some(Piece::new(piece.at + open.len_utf8(), inner).trimmed())
 }
 
-/// The refusal of an item of a list of modules that is no single module.
+/// The refusal of an item in a list of modules that is not a single module.
 fn several_modules(item: Piece<'_>) -> Refusal {
     let why = Refusal::new(format!("'{}' as a module of a list", item.text), item.range());
     why.remedy("declare names of several letters: module Leaf; separate modules by commas")
 }
 
-/// Modules of a successor in their order; none if it is a single `*`, the empty string.
+/// Modules of a successor in order; none for a single `*`, which is the empty string.
 pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
     let spelled = spell(piece, declared)?;
-    // `*` with nothing beside it produces no module.
+    // A single `*` produces no module.
     if let [only] = spelled.as_slice()
         && only.name == "*"
     {
@@ -309,15 +309,15 @@ pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyMod
         if matches!(s.name.as_str(), "?R" | "?F") {
             return Err(frame_query(&s.name, s.range));
         }
-        // The turtle answers with three numbers, whatever the model gives.
+        // A query gets three parameters for the turtle's answer, even if the model gives fewer or none.
         if QUERIES.contains(&s.name.as_str()) && s.params.as_ref().map_or(0, Vec::len) != 3 {
             return Ok(PyModule { name: s.name, args: vec![PyExpr::Number(0.0); 3], shape: None, range: s.range });
         }
-        // Parameters of these commands are objects that change only the surface of a drawing: they are left out.
+        // Parameters of these commands are objects that affect only the surface of a drawing, and are omitted.
         let is_object = OBJECTS.contains(&s.name.as_str()) || matches!(s.name.as_str(), "@g" | "@L");
         let args = match &s.params {
             Some(params) if !is_object => {
-                // A point of a command is its coordinates; of another module it is one parameter.
+                // In a command a point is its coordinates; in another module it is one parameter.
                 let is_point = is_command(&s.name);
                 let parts = params.iter().flat_map(|p| if is_point { coordinates(*p) } else { vec![*p] });
                 parts.map(argument).collect::<Result<Vec<_>, _>>()?

@@ -1,4 +1,4 @@
-//! `Vector2`, `Vector3` and `Vector4` of PlantGL: calls of their names with as many numbers, which are computed number by number.
+//! `Vector2`, `Vector3` and `Vector4` of PlantGL, represented as calls of these names with one number for each coordinate.
 
 use std::ops::Range;
 
@@ -8,39 +8,39 @@ use super::expression::{PyExpr, PyOp, range_of};
 use super::refusal::Refusal;
 use super::scope::{Scope, has_random};
 
-/// Names of the kinds of vectors, with the number of their coordinates.
+/// Names of the vector types, with their numbers of coordinates.
 const KINDS: [(&str, usize); 3] = [("Vector2", 2), ("Vector3", 3), ("Vector4", 4)];
 /// Names of the coordinates.
 pub(super) const AXES: [&str; 4] = ["x", "y", "z", "w"];
 
-/// The coordinates of a resolved vector; `None` for any other expression.
+/// The coordinates of a resolved vector; `None` for other expressions.
 pub(super) fn coordinates_of(e: &PyExpr) -> Option<&[PyExpr]> {
     let PyExpr::Call(name, items, _) = e else { return None };
     KINDS.contains(&(name.as_str(), items.len())).then_some(items.as_slice())
 }
 
-/// True for a call that makes a vector, or gives one of others.
+/// True for a call that makes a vector, or returns one.
 pub(super) fn gives_vector(name: &str) -> bool {
     dimension(name).is_some() || matches!(name, "cross" | "direction")
 }
 
-/// Number of coordinates of the vectors that a name makes.
+/// Number of coordinates of the vector type with this name; `None` for other names.
 pub(super) fn dimension(name: &str) -> Option<usize> {
     KINDS.iter().find(|(kind, _)| *kind == name).map(|(_, count)| *count)
 }
 
-/// The vector of some coordinates, of which there are 2 to 4.
+/// Makes a vector of 2 to 4 coordinates.
 pub(super) fn vector(items: Vec<PyExpr>, range: Range<usize>) -> PyExpr {
     let kind = KINDS.iter().find(|(_, count)| *count == items.len()).map_or("Vector3", |(kind, _)| kind);
     PyExpr::Call(kind.to_owned(), items, range)
 }
 
-/// Two operands and an operator.
+/// Applies a binary operator to two operands.
 fn binary(op: PyOp, a: &PyExpr, b: &PyExpr) -> PyExpr {
     PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()))
 }
 
-/// Result of a function with resolved arguments if these are vectors or the result is one; `None` for any other call.
+/// Result of a function with resolved arguments, if these are vectors or the result is one; `None` for other calls.
 pub(super) fn function(
     name: &str,
     args: &[PyExpr],
@@ -55,7 +55,7 @@ pub(super) fn function(
     if !matches!(name, "len" | "norm" | "normSquared" | "direction" | "dot" | "cross" | "angle") {
         return None;
     }
-    // Each coordinate is read twice.
+    // Each coordinate is read twice, so that random numbers are refused.
     if args.iter().any(|a| has_random(a, scope)) {
         return Some(Err(random_refusal(range)));
     }
@@ -74,7 +74,7 @@ pub(super) fn function(
         }
         ("dot", &[a, b]) if a.len() == b.len() => dot(a, b),
         ("cross", [a, b]) if a.len() == 3 && b.len() == 3 => vector(cross(a, b), range.clone()),
-        // The angle from 0 to pi, in a plane from -pi to pi: its sine is the length of the cross product of both.
+        // The angle, from 0 to pi in space and from -pi to pi in the plane; the cross product has the length of its sine.
         ("angle", &[a, b]) if a.len() == b.len() && a.len() < 4 => {
             let sine = match cross(a, b).as_slice() {
                 [one] => one.clone(),
@@ -87,9 +87,9 @@ pub(super) fn function(
     Some(Ok(value))
 }
 
-/// The cross product of two vectors of three coordinates; of two coordinates the one that is not zero.
+/// The cross product of two vectors of three coordinates; in the plane its only nonzero coordinate.
 fn cross(a: &[PyExpr], b: &[PyExpr]) -> Vec<PyExpr> {
-    // Determinants of the other two coordinates of both.
+    // Determinant of two coordinates of both vectors.
     let part = |a, b, c, d| binary(PyOp::Sub, &binary(PyOp::Mul, a, d), &binary(PyOp::Mul, b, c));
     match (a, b) {
         ([a, b, c], [d, e, f]) => vec![part(b, c, e, f), part(c, a, f, d), part(a, b, d, e)],
@@ -98,7 +98,7 @@ fn cross(a: &[PyExpr], b: &[PyExpr]) -> Vec<PyExpr> {
     }
 }
 
-/// `Vector3()`, `Vector3(x, y, z)`, `Vector3(point)`, `Vector3(plane, z)`.
+/// Makes a vector: `Vector3()`, `Vector3(x, y, z)`, `Vector3(point)`, `Vector3(plane, z)`.
 fn made(name: &str, count: usize, args: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let mut items = Vec::with_capacity(count);
     for arg in args {
@@ -124,7 +124,7 @@ fn random_refusal(range: &Range<usize>) -> Refusal {
     why.remedy("assign it to a variable first")
 }
 
-/// An operation on resolved operands of which one is a vector; `None` if none is.
+/// An operation on resolved operands, at least one of which is a vector; `None` if none is.
 pub(super) fn combined(op: PyOp, a: &PyExpr, b: &PyExpr, scope: &Scope) -> Option<Result<PyExpr, Refusal>> {
     let (first, second) = (coordinates_of(a), coordinates_of(b));
     let range = match (first, second) {
@@ -153,14 +153,14 @@ pub(super) fn combined(op: PyOp, a: &PyExpr, b: &PyExpr, scope: &Scope) -> Optio
     })
 }
 
-/// `-v`; `None` for any other operand.
+/// The vector `-v`; `None` if the operand is not a vector.
 pub(super) fn negated(a: &PyExpr) -> Option<PyExpr> {
     let items = coordinates_of(a)?;
     let negative = items.iter().map(|c| PyExpr::Neg(Box::new(c.clone()))).collect();
     Some(vector(negative, range_of(a)))
 }
 
-/// `v == w` or `v != w` of two vectors; `None` for any other operands.
+/// `v == w` or `v != w` of two vectors; `None` for other operands.
 pub(super) fn compared(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
     let (a, b) = (coordinates_of(a)?, coordinates_of(b)?);
     if a.len() != b.len() {
@@ -171,7 +171,7 @@ pub(super) fn compared(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
     Some(if op == PyOp::Ne { PyExpr::Not(Box::new(all)) } else { all })
 }
 
-/// The vector that a choice between two resolved vectors is, its test drawing nothing; `None` for any other choice.
+/// A choice between two resolved vectors as a vector of choices, if its test draws no random numbers; `None` for other choices.
 pub(super) fn chosen(test: &PyExpr, then: &PyExpr, other: &PyExpr, scope: &Scope) -> Option<PyExpr> {
     let (a, b) = (coordinates_of(then)?, coordinates_of(other)?);
     if a.len() != b.len() || has_random(test, scope) {

@@ -1,4 +1,4 @@
-//! A way through a production: what it computes, and what it makes.
+//! A way, that is an execution path through a production: its computations and the modules that it makes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -8,15 +8,15 @@ use super::expression::{PyExpr, UNKNOWN, mentions, substitute};
 use super::statement::{Statement, names_of, read_name};
 use super::strings::PyModule;
 
-/// Most statements of one way.
+/// Limit on the statements of one execution path.
 pub(super) const MAX_STEPS: usize = 20_000;
 
-/// One step of a way through a production: an assignment, or a condition with the value it has on this way.
+/// One step of an execution path: an assignment, or a condition with its value on this path.
 #[derive(Debug, Clone)]
 pub(super) enum Step {
     Assign(String, PyExpr),
     Condition(PyExpr, bool),
-    /// A `while` loop of statements that only compute.
+    /// A `while` loop whose statements only compute numbers.
     Loop(PyExpr, Vec<Statement>, Range<usize>),
 }
 
@@ -39,38 +39,38 @@ impl Step {
     }
 }
 
-/// A way through a production: what it computes, and what it makes.
+/// An execution path through the statements of a production.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Way {
     pub steps: Vec<Step>,
     pub modules: Vec<PyModule>,
-    /// It makes modules, or ends by `produce`.
+    /// True if the path makes modules, or ends with `produce`.
     pub produced: bool,
-    /// Names declared `global` on the way.
+    /// Names declared `global` on the path.
     pub globals: Vec<String>,
-    /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
+    /// Variables that the path has assigned, with their values if these do not depend on parameters.
     pub known: BTreeMap<String, Option<f64>>,
-    /// Variables that the way has set to lists, which stand where the names are read.
+    /// Variables that the path has set to lists; the lists replace the names where they are read.
     pub lists: BTreeMap<String, PyExpr>,
-    /// Those of them, and lists of the model, that have two names.
+    /// Those of these lists, and of the model's, that have two names.
     pub shared_lists: BTreeSet<String>,
-    /// Variables whose objects the way has changed, and those whose objects it has handed on to a module.
+    /// Variables whose objects the path has changed, and those whose objects it has passed to a module.
     pub changed_objects: BTreeSet<String>,
     pub handed_objects: BTreeSet<String>,
-    /// Ranges of its variables under its conditions.
+    /// Bounds of the path's variables under its conditions.
     pub bounds: Bounds,
-    /// How many functions it has called.
+    /// Number of functions called on the path.
     pub calls: usize,
 }
 
 impl Way {
-    /// Names declared `global` on the way that it also assigns.
+    /// Names declared `global` on the path that it also assigns.
     pub fn written(&self) -> Vec<&String> {
         let assigns = |name: &String| self.steps.iter().any(|s| s.assigns(name));
         self.globals.iter().filter(|g| assigns(g)).collect()
     }
 
-    /// True if it reads a variable that it does not set.
+    /// True if the path reads a variable of this name that it does not set.
     pub fn misses(&self, name: &str) -> bool {
         let is_set = self.known.contains_key(name) || self.lists.contains_key(name);
         let reads = |step: &Step| match step {
@@ -82,14 +82,14 @@ impl Way {
         !is_set && is_read()
     }
 
-    /// Where its modules are written, for messages.
+    /// Place of its modules in the text, for messages.
     pub fn range(&self) -> Range<usize> {
         self.modules.first().map_or(0..0, |m| m.range.clone())
     }
 }
 
-/// An expression with the values of the variables of a way, which hide those of the model; [`UNKNOWN`] stands for one whose value
-/// is not known, so that what reads it is not constant.
+/// An expression in which variables of an execution path are replaced by their values, which hide those of the model;
+/// [`UNKNOWN`] replaces variables of unknown value, so that the expression is not constant.
 pub(super) fn in_way(e: &PyExpr, way: &Way) -> PyExpr {
     let names: Vec<String> = way.known.keys().cloned().collect();
     let unknown = || PyExpr::Name(UNKNOWN.to_owned(), 0..0);
@@ -97,35 +97,35 @@ pub(super) fn in_way(e: &PyExpr, way: &Way) -> PyExpr {
     substitute(e, &names, &values)
 }
 
-/// An expression with the values of those variables of a way whose values are known.
+/// An expression in which those variables of an execution path are replaced whose values are known.
 pub(super) fn with_known(e: &PyExpr, way: &Way) -> PyExpr {
     let known = way.known.iter().filter_map(|(name, value)| Some((name.clone(), PyExpr::Number((*value)?))));
     let (names, values): (Vec<String>, Vec<PyExpr>) = known.unzip();
     substitute(e, &names, &values)
 }
 
-/// A way whose statements have not all been followed.
+/// An execution path with statements that are not processed yet.
 #[derive(Debug, Clone)]
 pub(super) struct OpenWay {
     pub way: Way,
-    /// The statements that are left, the next one last.
+    /// The remaining statements, the next one last.
     pub left: Vec<Statement>,
 }
 
 impl OpenWay {
-    /// Puts a block before the statements that are left.
+    /// Inserts a block before the remaining statements.
     pub fn run_next(&mut self, block: Vec<Statement>) {
         self.left.extend(block.into_iter().rev());
     }
 
-    /// Puts a turn of a `while` before the statements that are left, and the loop after it.
+    /// Inserts an iteration of a `while` loop before the remaining statements, and the loop again after it.
     pub fn repeat(&mut self, test: PyExpr, body: Vec<Statement>, place: Range<usize>, turn: u32) {
         self.left.push(Statement::While(test, body.clone(), place, turn + 1));
         self.left.push(Statement::TurnEnd);
         self.run_next(body);
     }
 
-    /// The finished way through the statements; `produced` is set if it has written modules.
+    /// The finished execution path; `produced` is set if it has made modules.
     pub fn ended(self) -> Way {
         let produced = self.way.produced || !self.way.modules.is_empty();
         Way { produced, ..self.way }

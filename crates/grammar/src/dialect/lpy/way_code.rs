@@ -1,4 +1,4 @@
-//! The code that the steps of a way become.
+//! Bytecode for the steps of an execution path.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -13,14 +13,14 @@ use super::statement::{Statement, names_of};
 use super::way::{Step, Way};
 use crate::code::{Bytecode, Op, UnaryOp};
 
-/// Appends a test and a place for the jump where it is 0; returns that place.
+/// Appends a test and a placeholder for the jump that is taken if it is 0; returns the index of the placeholder.
 pub(super) fn push_test(ops: &mut Vec<Op>, test: &Bytecode) -> usize {
     append_code(ops, &test.ops);
     ops.push(Op::Pop);
     ops.len() - 1
 }
 
-/// Beginning, end and positive step of a `range(..)`.
+/// Beginning, end and positive step of a `range(..)`; `None` for other lists.
 fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
     let PyExpr::Call(name, args, _) = list else { return None };
     if !name.ends_with("range") {
@@ -34,7 +34,7 @@ fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
     }
 }
 
-/// Jumps of a loop whose targets are known at its end.
+/// Jumps out of a loop's body, whose targets are known at the loop's end.
 #[derive(Debug, Default)]
 pub(super) struct LoopJumps {
     pub breaks: Vec<usize>,
@@ -42,8 +42,8 @@ pub(super) struct LoopJumps {
 }
 
 impl LoopJumps {
-    /// Ends a loop: appends the jump to its test at `start`, and sets the targets of the jumps out of it. `skip`: index of that of
-    /// its test.
+    /// Ends a loop: appends the jump to its test at `start`, and sets the targets of the jumps. `skip`: index of the jump
+    /// after a false test.
     pub fn close(self, ops: &mut Vec<Op>, start: usize, skip: usize) {
         for at in self.continues {
             ops[at] = Op::Jump(start);
@@ -56,16 +56,16 @@ impl LoopJumps {
     }
 }
 
-/// A `for` over a range as a `while` that counts.
+/// A `for` loop over a range, converted to a `while` loop that counts.
 pub(super) struct CountedLoop {
-    /// Sets the number of the turn and the end of the range: Python evaluates a range once, before the first turn.
+    /// Sets the counter and the end of the range: Python evaluates a range once, before the first iteration.
     pub begin: [Statement; 2],
     pub test: PyExpr,
     pub turn: Vec<Statement>,
 }
 
 impl Model<'_, '_> {
-    /// A `for` as a loop that counts; `None` for one over something other than a range with a positive step.
+    /// Converts a `for` loop to a loop that counts; `None` unless it is over a range with a positive step.
     pub(super) fn counted_loop(
         &mut self,
         name: &str,
@@ -79,15 +79,15 @@ impl Model<'_, '_> {
         let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
         let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
         let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
-        // Counted first, so that `continue` does not pass over it.
+        // Count at the beginning, so that `continue` does not skip it.
         let mut turn = vec![Statement::Assign(name.to_owned(), at(&count)), Statement::Assign(count.clone(), next)];
         turn.extend(body.iter().cloned());
         Some(CountedLoop { begin: [Statement::Assign(count, from), Statement::Assign(last, end)], test, turn })
     }
 
-    /// Code of the steps of a way: a block before the condition, and the condition.
+    /// Code for the steps of an execution path: a block before the condition, and the condition.
     pub(super) fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
-        // Only conditions, which draw nothing: one expression.
+        // If the path has only conditions without random numbers, join them in one expression.
         let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
         if way.steps.iter().all(is_plain) {
             let test = |s: &Step| match s {
@@ -98,8 +98,8 @@ impl Model<'_, '_> {
             let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
             return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
         }
-        // A block computes everything in order; a variable says whether all conditions held. Every way draws the same random
-        // numbers, as it is the same run of Python.
+        // Otherwise a block computes everything in order, and a variable stores whether all conditions held. All paths must
+        // draw the same random numbers, because they represent the same run of Python.
         let result = self.scope.local("(applies)");
         let mut ops = vec![Op::RestartDraws];
         let mut failures = Vec::new();
@@ -126,7 +126,7 @@ impl Model<'_, '_> {
                 (None, Step::Assign(..) | Step::Loop(..)) => {}
             }
         }
-        // Until here they were local variables: only the way that is taken changes those of the model.
+        // So far the variables are local: only the path that is taken changes those of the model.
         for name in way.written() {
             let (local, global) = (self.scope.local(name), self.scope.global(name));
             ops.extend([Op::Local(local), Op::StoreGlobal(global)]);
@@ -143,13 +143,13 @@ impl Model<'_, '_> {
         Ok((Some(self.bytecode(ops)), Some(condition)))
     }
 
-    /// Code with the places of its loops and the functions that it calls.
+    /// Makes bytecode with the places of its loops and the functions that it calls.
     pub(super) fn bytecode(&self, mut ops: Vec<Op>) -> Bytecode {
         let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
         let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
         let calls = ops.iter().any(|op| matches!(op, Op::Call(_)));
         let functions = calls.then(|| Arc::clone(&self.scope.run_code));
-        // Places of calls stand behind those of the loops.
+        // Places of calls follow those of the loops.
         for op in &mut ops {
             if let Op::Table(_, place) = op {
                 *place = place.saturating_add(places.len());
@@ -166,7 +166,7 @@ impl Model<'_, '_> {
         place: &Range<usize>,
         ops: &mut Vec<Op>,
     ) -> Result<(), Refusal> {
-        // Names that the body assigns exist before it, so that the test may read them.
+        // Declare the names that the body assigns before the test, which may read them.
         for name in names_of(body).0 {
             self.scope.local(&name);
         }
@@ -180,7 +180,7 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Appends statements that only compute. `jumps`: those of the loop around them.
+    /// Appends the code of statements that only compute numbers. `jumps`: jumps of the enclosing loop.
     fn computing_code(&mut self, body: &[Statement], ops: &mut Vec<Op>, jumps: &mut LoopJumps) -> Result<(), Refusal> {
         for statement in body {
             match statement {
@@ -219,7 +219,7 @@ impl Model<'_, '_> {
                     jumps.continues.push(ops.len());
                     ops.push(Op::Pop);
                 }
-                // The names of `global` are known from the way; nothing else is left in a loop that only computes.
+                // Names of `global` are known from the path; a loop that only computes numbers contains no other statements.
                 _ => {}
             }
         }

@@ -1,4 +1,4 @@
-//! The ways through the statements of a production, in the order in which Python would take them.
+//! Finds the execution paths (ways) through the statements of a production, in the order in which Python would take them.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -19,28 +19,29 @@ use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way, with_known};
 use crate::code::is_zero;
 use crate::vm;
 
-/// Most ways through one production.
+/// Limit on the execution paths through one production.
 const MAX_WAYS: usize = 512;
 
-/// Most calls, on one way, of functions that are more than one expression.
+/// Limit on the calls of functions of statements on one execution path.
 const MAX_CALLS: usize = 256;
 
-/// Most modules of the successor of one way; a production that makes more is refused.
+/// Limit on the modules in the successor of one execution path; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
 
-/// Most work on all ways through one production together: about a second. Own: the models of the tests take less than a hundredth of it.
+/// Limit on the work for all execution paths through one production together: about a second. Own: the models of the tests
+/// take less than a hundredth of it.
 const MAX_WORK: usize = 1 << 22;
 
-/// Work that each statement of a way takes, beside that for each variable whose value is looked up.
+/// Work for each statement of a path, in addition to 1 for each known variable.
 const STATEMENT_WORK: usize = 16;
 
-/// The refusal of a call for the value of a function that may end without one.
+/// The refusal of a call of a function that may end without the value that is needed.
 fn no_value(function: &str, place: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the function '{function}', which may end without a value"), place);
     why.remedy("end it by 'return' with a value, or call it on a line of its own for the modules that it makes")
 }
 
-/// True for a choice between lists, or between dictionaries, whose items are numbers, texts and lists of them.
+/// True for a choice between lists or dictionaries whose items are numbers, strings and lists of them.
 fn is_choice_of_lists(e: &PyExpr) -> bool {
     fn is_side(e: &PyExpr) -> bool {
         let is_plain = |e: &PyExpr| is_written_out(e) || is_dictionary(e);
@@ -54,7 +55,8 @@ fn is_choice_of_lists(e: &PyExpr) -> bool {
     matches!(e, PyExpr::Choice(..)) && is_side(e)
 }
 
-/// True if an expression reads a part whatever its tests give: the part is no side of a choice, and no later operand of `and`, `or`.
+/// True if evaluating an expression always reads a part: the part is not in a side of a choice, nor in a later operand of
+/// `and` or `or`.
 fn always_reads(e: &PyExpr, part: &PyExpr) -> bool {
     let of = |e: &PyExpr| always_reads(e, part);
     e == part
@@ -67,7 +69,8 @@ fn always_reads(e: &PyExpr, part: &PyExpr) -> bool {
         }
 }
 
-/// Refuses a call of a function that changes values of the model where only a test decides on the call: it is run before the statement.
+/// Refuses a call of a function that changes values of the model if a test decides whether it is called, because calls are
+/// run before the statement.
 fn check_change_of_values(s: &Statement, call: &PyExpr, function: &str, place: &Range<usize>) -> Result<(), Refusal> {
     let is_run = match s {
         Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
@@ -87,7 +90,7 @@ fn check_change_of_values(s: &Statement, call: &PyExpr, function: &str, place: &
     Err(why.remedy("write the call on a line of its own, k = f(), into the block of an 'if'"))
 }
 
-/// Refuses a call of a function that changes values of the model where the production has variables of their names.
+/// Refuses a call of a function that changes values of the model if the production has variables of the same names.
 fn check_own_names(
     globals: &[String],
     function: &str,
@@ -107,7 +110,7 @@ fn check_own_names(
 }
 
 impl Model<'_, '_> {
-    /// Every way through statements, in the order in which Python would try them.
+    /// All execution paths through statements, in the order in which Python would try them.
     pub(super) fn ways(&mut self, statements: &[Statement]) -> Result<Vec<Way>, Refusal> {
         let mut out = Vec::new();
         let mut work = 0;
@@ -131,8 +134,8 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// Follows one statement of a way, and adds the ways that continue after it to the open ones, the first to try last. The way itself
-    /// if it ends there.
+    /// Processes one statement of a path, and adds the paths that continue after it to `open`, the first to try last.
+    /// Returns the path itself if it ends there.
     fn follow(
         &mut self,
         statement: Statement,
@@ -143,7 +146,7 @@ impl Model<'_, '_> {
             open.push(now);
             return Ok(None);
         }
-        // Find the lists that the assignment shares by their names, before lists take the place of names.
+        // Find the lists that the assignment shares by name, before the names are replaced by lists.
         let handed_on = self.handed_on(&statement, &now.way)?;
         self.note_objects_of(&statement, &mut now.way);
         match with_lists(statement, &now.way.lists) {
@@ -155,7 +158,7 @@ impl Model<'_, '_> {
                     "call it in StartEach() or EndEach(), which may test a variable that the production sets",
                 ));
             }
-            // The value of a function that the production calls; else the production ends, which has no value.
+            // The `return` gives the value of an inlined function; otherwise it ends the production, and must have no value.
             Statement::Return(value, place) => {
                 let end = now.left.iter().rposition(|s| matches!(s, Statement::FunctionEnd(..)));
                 let end = end.and_then(|at| now.left.drain(at..).next());
@@ -168,7 +171,7 @@ impl Model<'_, '_> {
                     (Some(Statement::FunctionEnd(Some(_), function, place)), None) => {
                         return Err(no_value(&function, place));
                     }
-                    // The value of a function that is called for its modules is not used.
+                    // The value of a function called only for its modules is not used.
                     (Some(_), _) => {}
                 }
             }
@@ -209,9 +212,9 @@ impl Model<'_, '_> {
         Ok(None)
     }
 
-    /// Assigns a value or a list to a variable of a way.
+    /// Assigns a value or a list to a variable of a path.
     fn assign(&mut self, name: String, e: PyExpr, handed_on: &HandedOn, now: &mut OpenWay) {
-        // A text that is put together has no value here; what needs one is refused where it reads the name.
+        // A string composed at run time has no value here; an expression that needs one is refused where it reads the name.
         if is_joined_text(&e) {
             now.way.known.remove(&name);
             now.way.lists.insert(name, e);
@@ -221,7 +224,7 @@ impl Model<'_, '_> {
         if let Some(list) = list {
             let mut taken = Vec::new();
             let mut list = self.kept(&list, &now.way, &mut taken);
-            // A list that changes has no name for each of its changes.
+            // A changing list gets no new name for each change.
             if !is_change(&e) {
                 list = self.named_list(list, &mut format!("(list of {})", self.temporaries));
                 self.temporaries += 1;
@@ -232,7 +235,8 @@ impl Model<'_, '_> {
             now.run_next(taken);
             return;
         }
-        // One of several lists or dictionaries, `p = q[k]`, with the index taken now: it may change before the name is read.
+        // For a choice of lists or dictionaries, as in `p = q[k]`, evaluate the index now, because it may change before the
+        // name is read.
         if let Some((taken, choice)) = self.one_of_lists(&e, &now.way) {
             now.way.known.remove(&name);
             now.way.lists.insert(name, choice);
@@ -247,8 +251,8 @@ impl Model<'_, '_> {
         now.way.steps.push(Step::Assign(name, e));
     }
 
-    /// The choice between lists or dictionaries that an index which is not known gives, and the assignment of the index to a variable of
-    /// this reader; `None` for any other expression.
+    /// The choice between lists or dictionaries that an unknown index selects, and the assignment of the index to a
+    /// temporary variable; `None` for other expressions.
     fn one_of_lists(&mut self, e: &PyExpr, way: &Way) -> Option<(Statement, PyExpr)> {
         let PyExpr::Index(list, index, place) = e else { return None };
         if matches!(**index, PyExpr::Call(..)) || !may_be_list(list, &self.scope) {
@@ -266,12 +270,12 @@ impl Model<'_, '_> {
         Some((Statement::Assign(name, (**index).clone()), value))
     }
 
-    /// The ways after an `if`, the first to try first.
+    /// The execution paths after an `if`, in the order of trial.
     fn branches(&self, tests: Vec<(PyExpr, Vec<Statement>)>, other: Vec<Statement>, mut now: OpenWay) -> Vec<OpenWay> {
         let mut out = Vec::new();
         for (test, then) in tests {
-            // Tests of numbers alone, such as those of the variable of a loop, leave one way; so do those that conditions before have
-            // decided, but tests that draw random numbers are made anyway.
+            // A constant test, such as one of a loop variable, leaves a single path, and so does a test that earlier
+            // conditions decide. Tests that draw random numbers are always evaluated.
             let test = with_known(&test, &now.way);
             let draws = has_random(&test, &self.scope);
             let known = self.known_value(&test, &now.way).map(|value| !is_zero(value));
@@ -291,7 +295,7 @@ impl Model<'_, '_> {
             if draws || taken.way.bounds.refine(&test, true, &self.scope) {
                 out.push(taken);
             }
-            // Nothing is left beside these where one of the tests must hold.
+            // If one of the tests must hold, no other path remains.
             if !draws && !now.way.bounds.refine(&test, false, &self.scope) {
                 return out;
             }
@@ -302,8 +306,8 @@ impl Model<'_, '_> {
         out
     }
 
-    /// Puts the statements of the first function of more than one expression that a statement calls before it, under names of
-    /// their own, with the name of the value in place of the call; false for a statement without such a call.
+    /// If a statement calls a function of statements, inserts the function's statements before it, with its variables
+    /// renamed, and replaces the call by a variable for the value. False if there is no such call.
     pub(super) fn call(&mut self, s: &Statement, way: &mut Way, left: &mut Vec<Statement>) -> Result<bool, Refusal> {
         if self.bodies.is_empty() {
             return Ok(false);
@@ -331,7 +335,7 @@ impl Model<'_, '_> {
         let number = self.temporaries;
         self.temporaries += 1;
         let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
-        // An object that the function changes is that of the caller, under its name.
+        // An object that the function changes is the caller's, so that it keeps the caller's name.
         let mut is_same = vec![false; params.len()];
         for ((k, param), arg) in params.iter().enumerate().zip(&args) {
             let value = if let PyExpr::Name(name, _) = arg {
@@ -347,7 +351,7 @@ impl Model<'_, '_> {
                 is_same[k] = true;
             }
         }
-        // The function reads values of the model where the production has variables of their names.
+        // If the production has variables with the names of values of the model, the function must still read the latter.
         let others = self.scope.locals.iter().chain(way.known.keys()).chain(way.lists.keys());
         let others: BTreeSet<&String> =
             others.filter(|name| !name.contains('(') && !names.contains(name) && read_name(&body, name)).collect();
@@ -361,12 +365,12 @@ impl Model<'_, '_> {
         names.extend(others);
         let result = format!("(result {number})");
         let value = PyExpr::Name(result.clone(), place.clone());
-        // `a, b = f(x)` takes both items of one value.
+        // In `a, b = f(x)` both names take items of one value.
         for next in left.iter_mut().rev().take_while(|s| matches!(s, Statement::Assign(..))) {
             *next = without_call(next, &call, &value);
         }
         left.push(without_call(s, &call, &value));
-        // A call on a line of its own needs no value.
+        // A call that is the whole statement needs no value.
         let is_run = matches!(s, Statement::Run(e) if *e == call);
         let result = Some(result).filter(|_| !is_run);
         left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
@@ -379,11 +383,11 @@ impl Model<'_, '_> {
         Ok(true)
     }
 
-    /// Adds modules to a way. Their parameters are computed now, for variables may change afterwards.
+    /// Adds modules to a path. Their parameters are evaluated now, because variables may change afterwards.
     fn produce(&mut self, way: &mut Way, modules: &[PyModule], ends: bool) {
         for m in modules {
             let mut module = m.clone();
-            // A list that cannot be read is refused where the successor is made.
+            // An unreadable list is refused where the successor is made.
             let is_spread =
                 |arg: &PyExpr| matches!(arg, PyExpr::Call(star, ..) if star == "*") || may_be_list(arg, &self.scope);
             if m.args.iter().any(is_spread)
@@ -408,7 +412,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// The list or vector that an expression is; `None` for any other.
+    /// The list or vector that an expression evaluates to; `None` for other values.
     pub(super) fn list_of(&self, e: &PyExpr, way: &Way) -> Option<PyExpr> {
         if matches!(e, PyExpr::List(..)) {
             return Some(e.clone());
@@ -420,7 +424,7 @@ impl Model<'_, '_> {
         list.filter(is_list_or_vector)
     }
 
-    /// The scope of the production with the variables that a way has assigned.
+    /// The scope of the production with the variables that a path has assigned.
     fn scope_of(&self, way: &Way) -> Scope {
         let own = way.known.keys().filter(|name| !self.scope.locals.contains(name));
         let mut scope = self.scope.clone();
@@ -428,7 +432,7 @@ impl Model<'_, '_> {
         scope
     }
 
-    /// A list of numbers, and of variables that the statements `taken` set, so that it may be read at any time.
+    /// A list of numbers and of temporary variables, which the statements `taken` set, so that it may be read later.
     pub(super) fn kept(&mut self, e: &PyExpr, way: &Way, taken: &mut Vec<Statement>) -> PyExpr {
         let is_kept = matches!(e, PyExpr::Name(name, _) if name.starts_with("(item "));
         if is_written_out(e) || is_kept {
@@ -457,14 +461,14 @@ impl Model<'_, '_> {
         PyExpr::Name(name, range_of(e))
     }
 
-    /// Value of an expression after the steps of a way, if it is a number whatever the parameters are.
+    /// Value of an expression after the steps of a path; `None` if it depends on parameters.
     pub(super) fn known_value(&self, e: &PyExpr, way: &Way) -> Option<f64> {
         let code = compile(&in_way(e, way), &self.scope).ok()?;
         vm::constant_value(&code).filter(|v| !v.is_nan())
     }
 
-    /// True for an expression with a call of a function of the model: where its value is known, the number stands in its place, as the
-    /// function may call itself until a test of such numbers ends it.
+    /// True for an expression that calls a function of the model. If its value is known, it is replaced by the number,
+    /// because the function may be recursive and end only by a test of such numbers.
     fn calls_function(&self, e: &PyExpr) -> bool {
         first_call(e, &|name| self.scope.functions.contains_key(name)).is_some()
     }
