@@ -113,6 +113,14 @@ def land_lights_from_below_in_eevee(manifest: str, other: str, _folder: pathlib.
     assert all(0.0 < at < 0.4 * sky for at, sky in zip(land, horizon)), (list(land), horizon)
 
 
+def new_scenes_have_shadows_and_rays_in_eevee(manifest: str, _other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    load(manifest)
+    eevee = bpy.context.scene.eevee
+    off = [name for name in ("use_raytracing", "use_shadows", "use_fast_gi") if not getattr(eevee, name, True)]
+    assert not off, off
+
+
 def refusals_change_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     before = counts(), scene_settings()
@@ -575,6 +583,7 @@ def main() -> None:
         appended_bakes_leave_the_range_when_reloaded,
         this_scene_takes_the_settings,
         land_lights_from_below_in_eevee,
+        new_scenes_have_shadows_and_rays_in_eevee,
         refusals_change_nothing,
         older_manifests_open,
         colors_at_points_are_seen,
