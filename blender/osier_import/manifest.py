@@ -62,6 +62,7 @@ class Asset:
     leaves: Leaves | None = None
     curve_materials: dict[str, str] = field(default_factory=dict)
     is_plant: bool = False
+    is_land: bool = False
 
 
 @dataclass(frozen=True)
@@ -243,7 +244,7 @@ def _asset(entry: dict[str, Any]) -> Asset:
     geometry = bool(entry.get("vertices") or entry.get("instances"))
     prim = str(entry.get("prim") or name).rsplit("/", 1)[-1]
     curves = {str(curve): str(material) for curve, material in entry.get("curve_materials", {}).items()}
-    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")), curves, bool(entry.get("plant")))
+    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")), curves, bool(entry.get("plant")), entry.get("kind") == "terrain")
 
 
 def _leaves(entry: dict[str, Any] | None) -> Leaves | None:

@@ -167,8 +167,9 @@ def rate(scene: bpy.types.Scene) -> list[float]:
 def set_render(scene: bpy.types.Scene, bake: Bake) -> list[str]:
     """Settings of Cycles and EEVEE that suit leaves and drops, and the size of the picture. Returns notes for the user."""
     notes = []
-    # Without rays EEVEE refracts the world alone, and drops on leaves are dark. Blender before 4.2 refracts what the screen shows.
-    for name in ("use_raytracing", "use_ssr", "use_ssr_refraction"):
+    # Without rays EEVEE refracts the world alone, and drops on leaves are dark. Blender before 4.2 refracts what the screen shows. A scene
+    # that is added by a script has no shadows in 4.5 and no fast approximation of indirect light, unlike one that a user adds.
+    for name in ("use_raytracing", "use_shadows", "use_fast_gi", "use_ssr", "use_ssr_refraction"):
         materials.set_if_known(scene.eevee, name, True)
     try:
         scene.render.engine = "CYCLES"

@@ -126,9 +126,52 @@ def build_world(bake: Bake, world: bpy.types.World | None = None) -> bpy.types.W
     tree.links.new(color, light.inputs["Color"])
     out = new_node(tree, "ShaderNodeOutputWorld", "output", 250, 200)
     tree.links.new(light.outputs[0], out.inputs["Surface"])
+    reflected = _ground_light(bake)
+    if reflected:
+        _add_ground_light(tree, reflected)
     world["osier_id"] = f"{bake.scene}:sky"
     world["osier_sig"] = signature(tree)
     return world
+
+
+def _ground_light(bake: Bake) -> list[float] | None:
+    """Radiance of the land of a bake, which reflects its sun and its sky as a diffuse surface; `None` without land."""
+    if not any(a.is_land for a in bake.assets):
+        return None
+    albedo = next((m["base_color"] for m in bake.materials if m["class"] == "ground"), None)
+    if albedo is None:
+        return None
+    sun, stops = bake.view["sun"], bake.view["sky"]["stops"]
+    # Half of the stops are below the horizon, which is at 0.5.
+    above = [color for at, color in stops if at >= 0.5] or [stops[-1][1]]
+    sky = [(low + high) / 2.0 for low, high in zip(above[0], above[-1], strict=True)]
+    height = max(sun["toward"][1], 0.0)
+    return [a * (e * height / math.pi + s) for a, e, s in zip(albedo, sun["irradiance"], sky, strict=True)]
+
+
+def _add_ground_light(tree: bpy.types.NodeTree, radiance: list[float]) -> None:
+    """An output for EEVEE in which light from below the horizon is that of the land. Rays of Cycles meet the land; EEVEE lights all surfaces
+    by the whole sky, and crowns, which it would light from below as brightly as the horizon is, would be pale. The camera sees the sky.
+    """
+    path = new_node(tree, "ShaderNodeLightPath", "path", -500, -450)
+    below = new_node(tree, "ShaderNodeMath", "below the horizon", -500, -250)
+    below.operation = "LESS_THAN"
+    below.inputs[1].default_value = 0.0
+    tree.links.new(tree.nodes["osier height"].outputs["Z"], below.inputs[0])
+    lights = new_node(tree, "ShaderNodeMath", "lights from below", -250, -250)
+    lights.operation = "SUBTRACT"
+    lights.use_clamp = True
+    tree.links.new(below.outputs[0], lights.inputs[0])
+    tree.links.new(path.outputs["Is Camera Ray"], lights.inputs[1])
+    land = new_node(tree, "ShaderNodeBackground", "light of the land", 0, -250)
+    land.inputs["Color"].default_value = (*radiance, 1.0)
+    mix = new_node(tree, "ShaderNodeMixShader", "sky or land", 250, -100)
+    tree.links.new(lights.outputs[0], mix.inputs[0])
+    tree.links.new(tree.nodes["osier light"].outputs[0], mix.inputs[1])
+    tree.links.new(land.outputs[0], mix.inputs[2])
+    out = new_node(tree, "ShaderNodeOutputWorld", "output of EEVEE", 500, -100)
+    out.target = "EEVEE"
+    tree.links.new(mix.outputs[0], out.inputs["Surface"])
 
 
 def _stops(node: bpy.types.Node, stops: list[tuple[float, tuple[float, float, float]]]) -> None:

@@ -92,6 +92,35 @@ def this_scene_takes_the_settings(manifest: str, _other: str, _folder: pathlib.P
     assert scene.camera.get("osier_id") and scene.world.get("osier_id")
 
 
+def land_lights_from_below_in_eevee(manifest: str, other: str, _folder: pathlib.Path) -> None:
+    def outputs() -> dict[str, object]:
+        found = [n for n in bpy.context.scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeOutputWorld"]
+        return {n.target: n.inputs["Surface"].links[0].from_node for n in found}
+
+    # The leaf stands alone: what is below it is the lower half of its sky.
+    fresh()
+    load(manifest, into="THIS")
+    assert list(outputs()) == ["ALL"], outputs()
+    fresh()
+    load(other, into="THIS")
+    shown = outputs()
+    assert set(shown) == {"ALL", "EEVEE"} and shown["ALL"].name == "osier light", shown
+    mix = shown["EEVEE"]
+    assert mix.inputs[1].links[0].from_node == shown["ALL"]
+    land = mix.inputs[2].links[0].from_node.inputs["Color"].default_value
+    horizon = json.loads(pathlib.Path(other).read_text())["view"]["sky"]["stops"][0][1]
+    # Grass and soil reflect 5 to 20 % of the light.
+    assert all(0.0 < at < 0.4 * sky for at, sky in zip(land, horizon)), (list(land), horizon)
+
+
+def new_scenes_have_shadows_and_rays_in_eevee(manifest: str, _other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    load(manifest)
+    eevee = bpy.context.scene.eevee
+    off = [name for name in ("use_raytracing", "use_shadows", "use_fast_gi") if not getattr(eevee, name, True)]
+    assert not off, off
+
+
 def refusals_change_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     before = counts(), scene_settings()
@@ -553,6 +582,8 @@ def main() -> None:
         appending_keeps_the_scene,
         appended_bakes_leave_the_range_when_reloaded,
         this_scene_takes_the_settings,
+        land_lights_from_below_in_eevee,
+        new_scenes_have_shadows_and_rays_in_eevee,
         refusals_change_nothing,
         older_manifests_open,
         colors_at_points_are_seen,

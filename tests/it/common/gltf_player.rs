@@ -49,39 +49,45 @@ impl Player {
         };
         let count = number(a, "/count", 0);
         // Without a view all elements are zeros but those of `sparse`.
-        let Some(view) = a["bufferView"].as_u64() else {
-            let mut rows = vec![vec![0.0; width]; count];
-            let sparse = &a["sparse"];
-            if sparse.is_null() {
-                return rows;
-            }
-            let listed = number(sparse, "/count", 0);
-            let indices = self.numbers(
-                number(sparse, "/indices/bufferView", 0),
-                number(sparse, "/indices/componentType", 0),
-                false,
-            );
-            let values = self.numbers(
-                number(sparse, "/values/bufferView", 0),
-                number(a, "/componentType", 0),
-                a["normalized"] == true,
-            );
-            assert_eq!((indices.len(), values.len()), (listed, listed * width));
-            assert!(indices.windows(2).all(|pair| pair[0] < pair[1]), "indices rise");
-            for (i, row) in indices.iter().zip(values.chunks(width)) {
-                rows[*i as usize] = row.to_vec();
-            }
-            return rows;
+        let mut rows = match a["bufferView"].as_u64() {
+            Some(view) => self.viewed_rows(a, view as usize, width),
+            None => vec![vec![0.0; width]; count],
         };
-        let values = self.numbers(view as usize, number(a, "/componentType", 0), a["normalized"] == true);
+        // A view of zeros, which accessors share, may be longer than one of them.
+        assert!(
+            rows.len() == count || rows.len() > count && rows.iter().flatten().all(|c| *c == 0.0),
+            "{count} elements"
+        );
+        rows.truncate(count);
+        let sparse = &a["sparse"];
+        if sparse.is_null() {
+            return rows;
+        }
+        let listed = number(sparse, "/count", 0);
+        let indices =
+            self.numbers(number(sparse, "/indices/bufferView", 0), number(sparse, "/indices/componentType", 0), false);
+        let values = self.numbers(
+            number(sparse, "/values/bufferView", 0),
+            number(a, "/componentType", 0),
+            a["normalized"] == true,
+        );
+        assert_eq!((indices.len(), values.len()), (listed, listed * width));
+        assert!(indices.windows(2).all(|pair| pair[0] < pair[1]), "indices rise");
+        for (i, row) in indices.iter().zip(values.chunks(width)) {
+            rows[*i as usize] = row.to_vec();
+        }
+        rows
+    }
+
+    /// The elements of a buffer view of an accessor, each of `width` numbers.
+    fn viewed_rows(&self, accessor: &Value, view: usize, width: usize) -> Vec<Vec<f32>> {
+        let values = self.numbers(view, number(accessor, "/componentType", 0), accessor["normalized"] == true);
         // Elements may be padded to a stride: what is beyond their width is not theirs.
-        let view = &self.json["bufferViews"][view as usize];
+        let view = &self.json["bufferViews"][view];
         let bytes = number(view, "/byteLength", 0);
         let stride = number(view, "/byteStride", 0) * values.len() / bytes.max(1);
         let stride = if stride == 0 { width } else { stride };
-        let rows: Vec<Vec<f32>> = values.chunks(stride).map(|row| row[..width].to_vec()).collect();
-        assert_eq!(rows.len(), count);
-        rows
+        values.chunks(stride).map(|row| row[..width].to_vec()).collect()
     }
 
     /// All numbers of a buffer view.

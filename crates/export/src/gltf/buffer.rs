@@ -3,6 +3,7 @@
 use glam::{Quat, Vec2, Vec3};
 
 use super::json::{Accessor, BufferView, Index, SparseElements, SparseIndices, SparseValues, component, target};
+use super::options::VECTOR_BYTES;
 use super::quantize::QuantizedCube;
 use super::stream::Stream;
 use crate::skin_remap::byte_weights;
@@ -17,6 +18,19 @@ pub(super) struct BinaryBuffer {
     pub accessors: Vec<Accessor>,
     /// Whether the views will be compressed once the document is complete.
     pub compressed: bool,
+    /// Whether accessors of floats whose elements are mostly zeros have a view of zeros below their sparse elements. Importers that take
+    /// a missing view for the first one of the file then read them, as Godot before 4.1 does.
+    pub has_zero_views: bool,
+    /// The last view of zeros, which accessors of at most its count of elements share.
+    pub zeros: Option<ZeroView>,
+}
+
+/// A buffer view of vectors of zeros.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ZeroView {
+    view: Index,
+    /// Vectors that it holds.
+    count: usize,
 }
 
 /// Most vertices that u16 indices address: the index 65535 is reserved for primitive restart (glTF 2.0, section 3.7.2.1).
@@ -120,8 +134,24 @@ impl BinaryBuffer {
         self.add_sparse(indices, stored, count, component::I16, i16::to_le_bytes, f32::from)
     }
 
-    /// An accessor of type VEC3 without a buffer view: all elements are zero except those at the increasing `indices`.
-    /// Integers are normalised.
+    /// A view of at least `count` vectors of three zeros.
+    fn zero_view(&mut self, count: usize) -> Result<Index> {
+        if let Some(zeros) = self.zeros.filter(|z| z.count >= count) {
+            return Ok(zeros.view);
+        }
+        let start = self.align();
+        self.bytes.resize(start + count * VECTOR_BYTES, 0);
+        let view = self.add_view(start, Some(target::VERTICES))?;
+        if let Some(view) = self.views.last_mut() {
+            // Views of several accessors must have a stride (glTF 2.0, section 3.6.2.4).
+            view.byte_stride = Some(VECTOR_BYTES);
+        }
+        self.zeros = Some(ZeroView { view, count });
+        Ok(view)
+    }
+
+    /// An accessor of type VEC3: all elements are zero except those at the increasing `indices`. It has no buffer view, or one of zeros for
+    /// readers that need it. Integers are normalised, and never have one.
     fn add_sparse<T: Copy, const BYTES: usize>(
         &mut self,
         indices: &[u32],
@@ -134,15 +164,17 @@ impl BinaryBuffer {
         // Omitted elements are zero and count for the bounds.
         let (mut low, mut high) =
             if indices.len() < count { (Vec3::ZERO, Vec3::ZERO) } else { (Vec3::INFINITY, Vec3::NEG_INFINITY) };
+        let normalized = component_type != component::F32;
+        let buffer_view = if self.has_zero_views && !normalized { Some(self.zero_view(count)?) } else { None };
         let start = self.align();
         for vector in values {
             vector.iter().for_each(|c| self.bytes.extend(to_bytes(*c)));
             let v = Vec3::from_array(vector.map(number));
             (low, high) = (low.min(v), high.max(v));
         }
-        let normalized = component_type != component::F32;
         let bounds = |v: Vec3| if v.is_finite() { v.to_array().to_vec() } else { vec![0.0; 3] };
         let zeros = Accessor {
+            buffer_view,
             component_type,
             normalized,
             count,
@@ -530,6 +562,22 @@ mod tests {
         assert_eq!((sparse.count, sparse.indices.component_type, b.bytes.len()), (2, component::U32, 24 + 8));
         assert_eq!(b.bytes[24..], [2_u32, 70_000].map(u32::to_le_bytes).concat()[..]);
         assert!(b.views.iter().all(|v| v.target.is_none() && v.byte_stride.is_none()));
+    }
+
+    #[test]
+    fn sparse_accessors_may_share_a_view_of_zeros() {
+        let mut b = BinaryBuffer { has_zero_views: true, ..BinaryBuffer::default() };
+        b.add_sparse_vectors(&[1], &[Vec3::X], 4, "p").expect("some");
+        b.add_sparse_vectors(&[], &[], 3, "p").expect("none");
+        b.add_sparse_vectors(&[6], &[Vec3::Y], 7, "p").expect("more");
+        let views: Vec<Option<Index>> = b.accessors.iter().map(|a| a.buffer_view).collect();
+        assert_eq!(views[0], views[1]);
+        assert!(views[0].is_some() && views[2].is_some() && views[2] != views[0]);
+        let zeros: Vec<&BufferView> = b.views.iter().filter(|v| v.byte_stride.is_some()).collect();
+        assert_eq!(zeros.iter().map(|v| v.byte_length).collect::<Vec<_>>(), [48, 84]);
+        for view in zeros {
+            assert!(b.bytes[view.byte_offset..][..view.byte_length].iter().all(|byte| *byte == 0));
+        }
     }
 
     #[test]

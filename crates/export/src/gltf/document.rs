@@ -12,7 +12,7 @@ use super::json::{
 };
 use super::keys::{KeyedValues, renormalized};
 use super::tracks::ClipTracks;
-use super::{GltfOptions, ImageStorage};
+use super::{GltfOptions, ImageStorage, Profile};
 use crate::textures::Textures;
 use osier_base::{Error, Result};
 use osier_scene::{MaterialId, Scene, Trs};
@@ -100,7 +100,11 @@ impl<'a> GltfDocument<'a> {
             input,
             pictures,
             root: Root { asset, scenes: vec![SceneNodes::default()], ..Root::default() },
-            buffer: BinaryBuffer { compressed: input.options.compresses(), ..BinaryBuffer::default() },
+            buffer: BinaryBuffer {
+                compressed: input.options.compresses(),
+                has_zero_views: input.options.profile == Profile::Engine,
+                ..BinaryBuffer::default()
+            },
             animation: Animation::default(),
             warnings: Vec::new(),
             max_joints: input.options.most_joints(),
