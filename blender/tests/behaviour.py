@@ -19,6 +19,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 import bpy
 import osier_import
+import script
 
 KINDS = ("objects", "meshes", "materials", "collections", "worlds", "cameras", "lights", "actions", "cache_files", "scenes", "images")
 
@@ -541,7 +542,7 @@ def other_configurations_of_colors_import(manifest: str, _other: str, folder: pa
     config = folder / "studio.ocio"
     config.write_text(STUDIO)
     command = [sys.executable, "-c", IN_A_STUDIO, str(pathlib.Path(osier_import.__file__).parents[1]), manifest]
-    done = subprocess.run(command, env={**os.environ, "OCIO": str(config)}, capture_output=True, text=True)
+    done = subprocess.run(command, env={**os.environ, "OCIO": str(config)}, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -583,8 +584,6 @@ def main() -> None:
         except Exception:
             failed.append(f"{check.__name__}: {traceback.format_exc(limit=-2)}")
     print(json.dumps({"failed": failed}))
-    sys.stdout.flush()
-    os._exit(0)
 
 
-main()
+script.run(main)

@@ -14,6 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 import bpy
 import osier_import
+import script
 
 
 def emit_wetness(material: bpy.types.Material) -> None:
@@ -56,9 +57,6 @@ def main() -> None:
     scene.cycles.use_denoising = False
     means = [mean(folder, int(frame)) for frame in frames]
     print(json.dumps(means))
-    sys.stdout.flush()
-    # Blender 4.5 as a module may not end by itself while an add-on is registered.
-    os._exit(0)
 
 
-main()
+script.run(main)

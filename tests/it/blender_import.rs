@@ -99,7 +99,7 @@ fn the_extension_installs_imports_and_leaves_nothing_behind() {
 /// Frames of the wet leaf in Cycles and EEVEE look as the preview shows them: in blocks of ten pixels the mean difference is below 0.03 of
 /// white, and that of no block above 0.15. In EEVEE a block of a dark drop is 0.22 apart.
 fn pictures_are_those_of_the_preview(python: &Path, manifest: &Path, folder: &Path) {
-    for (engine, frames) in [("CYCLES", &["36", "40", "44"][..]), ("BLENDER_EEVEE", &["40"])] {
+    for (engine, frames) in [("CYCLES", &["36", "40", "44"][..]), ("EEVEE", &["40"])] {
         let mut blender = Command::new(python);
         // EEVEE draws with OpenGL, which Mesa computes where there is no GPU.
         blender.env("LIBGL_ALWAYS_SOFTWARE", "1").arg(sources().join("tests/pictures.py")).arg(manifest).arg(folder);
