@@ -406,6 +406,32 @@ def another_name_of_the_scene_keeps_the_objects(manifest: str, _other: str, fold
     assert root["osier_id"] == "renamed:leaf"
 
 
+def modifiers_and_collections_of_the_artist_stay(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "artist")
+    load(str(path))
+    scene = bpy.data.scenes[data["scene"]["name"]]
+    bark = next(o for o in scene.objects if o.get("osier_id", "").endswith("/bark"))
+    modifier = bark.modifiers.new("artist", "DISPLACE")
+    modifier.strength = 0.125
+    # A collection of the artist's with an object of the bake and one of the artist's own, and one inside the bake's.
+    beside, inside, own = bpy.data.collections.new("beside"), bpy.data.collections.new("inside"), bpy.data.objects.new("own", None)
+    scene.collection.children.link(beside)
+    next(c for c in bpy.data.collections if "osier_hash" in c).children.link(inside)
+    for collection in (beside, inside):
+        collection.objects.link(bark)
+        collection.objects.link(own)
+    names, before = [m.name for m in bark.modifiers], counts()
+    for number in "12":
+        path.write_text(json.dumps({**data, "bake_hash": number * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        assert [m.name for m in bark.modifiers] == names and bark.modifiers["artist"].strength == 0.125, list(bark.modifiers)
+        for collection in (beside, inside):
+            assert {bark.name, own.name} == set(collection.objects.keys()), collection.objects.keys()
+        assert beside.name in scene.collection.children and inside in list(scene.collection.children_recursive)
+        assert counts() == before, (counts(), before)
+
+
 def new_materials_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     path, data = changed_copy(manifest, folder / "new_material")
@@ -568,6 +594,7 @@ def main() -> None:
         copies_of_materials_are_the_users,
         projects_reload_where_they_are,
         another_name_of_the_scene_keeps_the_objects,
+        modifiers_and_collections_of_the_artist_stay,
         new_materials_reload,
         materials_without_users_are_left_out,
         linked_bakes_stay,
