@@ -24,11 +24,14 @@ if [ ! -e "$lts/ready" ]; then
 fi
 # The modules of tests that run a script with bpy.
 OSIER_BPY="$lts/bin/python" cargo test --release --workspace --test it -- attractors:: blender_import:: blender_panel:: clips:: \
-    copies:: flights:: gltf_blender:: grown_trees:: maps:: morphs:: particle_shapes:: points:: rain_charts:: rain_files:: \
+    copies:: flights:: gltf_blender:: grown_trees:: maps:: morphs:: particle_shapes:: points:: presets_in_clients:: rain_charts:: rain_files:: \
     showcase:: sway:: tracks:: usd_stages:: vdb::
 
 say "every preset at seeds 0 to 63"
 OSIER_SEEDS=64 cargo test --release --test it presets -- --nocapture
+
+say "every preset in Blender and under the validators"
+cargo test --release --test it presets_in_clients -- --ignored
 
 say "walls and wet ground at eight seeds"
 OSIER_SEEDS=8 cargo test --release --test it flights::

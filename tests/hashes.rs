@@ -21,11 +21,11 @@ use osier::presets::PRESETS;
 
 #[path = "it/common/program.rs"]
 mod program;
+#[path = "it/common/short_bakes.rs"]
+mod short_bakes;
 
 use program::{arg, run, said, tree};
-
-/// Last frame of a bake: the first that differs from rest, and two that follow it.
-const FRAMES: u32 = 4;
+use short_bakes::{is_grown, is_picture, shortened};
 
 /// Numbers of threads, in turn.
 const THREADS: [usize; 3] = [1, 2, 5];
@@ -33,15 +33,11 @@ const THREADS: [usize; 3] = [1, 2, 5];
 /// The hash of each folder of a bake: of the lines `path NUL hash LF` of its files. The journal is not part of the result, and the
 /// manifest repeats the hashes of the files beside a hash of the scene's text.
 fn of_bake(preset: &str, threads: usize, out: &Path) -> BTreeMap<String, String> {
-    let frames = format!("frames.end={FRAMES}");
     // A grown tree has millions of triangles, which texts would write in hundreds of megabytes.
     let formats = if is_grown(preset) { "usd,glb" } else { "usd,glb,pov,obj,ply,pc2,exr,csv,tracks" };
     let threads = format!("-j{threads}");
     let mut args = vec!["-q", &threads, "bake", preset, "--force", "-o", arg(out), "--formats", formats];
     args.extend(["--set", "output.gltf.profiles=[\"blender\",\"web\"]"]);
-    if is_moving(preset) {
-        args.extend(["--set", &frames]);
-    }
     let overrides = shortened(preset);
     args.extend(overrides.iter().flat_map(|key| ["--set", key.as_str()]));
     let (code, _, told) = said(&run(&args));
@@ -61,40 +57,8 @@ fn short(hash: &blake3::Hash) -> String {
     hash.to_hex()[..32].to_owned()
 }
 
-/// Whether a preset has a clip whose length can be set.
-fn is_moving(preset: &str) -> bool {
-    PRESETS.iter().any(|p| p.name == preset && p.text.contains("[frames]"))
-}
-
-/// Whether a preset is a scene of a tree that grows year by year.
-fn is_grown(preset: &str) -> bool {
-    PRESETS.iter().any(|p| p.name == preset && p.text.contains("\nspecies = "))
-}
-
-/// Scenes whose trees keep their ages: a broadleaf, a conifer and the scene that holds most.
-const KEEP_AGES: [&str; 3] = ["apple.toml", "spruce.toml", "showcase.toml"];
-/// Years that the trees of the other scenes grow at most.
-const YEARS: u32 = 12;
 /// Years that a species grows into a single file.
 const YEARS_OF_A_FILE: u32 = 8;
-
-/// Overrides that shorten what takes most of the time and says no more when it is longer: the years of trees, which are grown and
-/// written in the same way at any age, and spin-ups.
-fn shortened(preset: &str) -> Vec<String> {
-    let Some(text) = PRESETS.iter().find(|p| p.name == preset).map(|p| p.text) else { return Vec::new() };
-    let mut keys = Vec::new();
-    let tables = text.split("\n[").filter_map(|table| table.strip_prefix("plants.")?.split_once(']'));
-    for (name, table) in tables.filter(|_| !KEEP_AGES.contains(&preset)) {
-        let age = table.lines().find_map(|l| l.strip_prefix("age = ")?.parse::<u32>().ok());
-        if table.contains("\nspecies = ") && age.is_none_or(|age| age > YEARS) {
-            keys.push(format!("plants.{name}.age={YEARS}"));
-        }
-    }
-    for (table, key) in [("\n[rain]", "rain.spin_up_s=0.5"), ("\n[flight]", "flight.spin_up_s=2")] {
-        keys.extend(text.contains(table).then(|| key.to_owned()));
-    }
-    keys
-}
 
 /// The hash of a single file that a preset grows into; a species grows for some years.
 fn of_file(preset: &str, ending: &str, threads: usize, folder: &Path) -> (String, String) {
@@ -137,9 +101,7 @@ fn all(turn: usize) -> BTreeMap<String, String> {
                     hashes.extend([of_file(name, "png", threads(0), path)]);
                     hashes.extend([of_file(name, "glb", threads(1), path)]);
                 }
-                _ if preset.text.contains("[[layer]]") && !preset.text.contains("[plants.") => {
-                    hashes.extend([of_file(name, "png", threads(0), path)]);
-                }
+                _ if is_picture(preset) => hashes.extend([of_file(name, "png", threads(0), path)]),
                 _ => hashes.extend(of_bake(name, threads(0), &path.join("out"))),
             }
             assert!(!hashes.is_empty() || name.ends_with(".obj"), "{name} makes nothing");

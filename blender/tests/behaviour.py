@@ -19,6 +19,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 import bpy
 import osier_import
+import script
 
 KINDS = ("objects", "meshes", "materials", "collections", "worlds", "cameras", "lights", "actions", "cache_files", "scenes", "images")
 
@@ -434,6 +435,32 @@ def another_name_of_the_scene_keeps_the_objects(manifest: str, _other: str, fold
     assert root["osier_id"] == "renamed:leaf"
 
 
+def modifiers_and_collections_of_the_artist_stay(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "artist")
+    load(str(path))
+    scene = bpy.data.scenes[data["scene"]["name"]]
+    bark = next(o for o in scene.objects if o.get("osier_id", "").endswith("/bark"))
+    modifier = bark.modifiers.new("artist", "DISPLACE")
+    modifier.strength = 0.125
+    # A collection of the artist's with an object of the bake and one of the artist's own, and one inside the bake's.
+    beside, inside, own = bpy.data.collections.new("beside"), bpy.data.collections.new("inside"), bpy.data.objects.new("own", None)
+    scene.collection.children.link(beside)
+    next(c for c in bpy.data.collections if "osier_hash" in c).children.link(inside)
+    for collection in (beside, inside):
+        collection.objects.link(bark)
+        collection.objects.link(own)
+    names, before = [m.name for m in bark.modifiers], counts()
+    for number in "12":
+        path.write_text(json.dumps({**data, "bake_hash": number * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        assert [m.name for m in bark.modifiers] == names and bark.modifiers["artist"].strength == 0.125, list(bark.modifiers)
+        for collection in (beside, inside):
+            assert {bark.name, own.name} == set(collection.objects.keys()), collection.objects.keys()
+        assert beside.name in scene.collection.children and inside in list(scene.collection.children_recursive)
+        assert counts() == before, (counts(), before)
+
+
 def new_materials_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     path, data = changed_copy(manifest, folder / "new_material")
@@ -570,7 +597,7 @@ def other_configurations_of_colors_import(manifest: str, _other: str, folder: pa
     config = folder / "studio.ocio"
     config.write_text(STUDIO)
     command = [sys.executable, "-c", IN_A_STUDIO, str(pathlib.Path(osier_import.__file__).parents[1]), manifest]
-    done = subprocess.run(command, env={**os.environ, "OCIO": str(config)}, capture_output=True, text=True)
+    done = subprocess.run(command, env={**os.environ, "OCIO": str(config)}, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -598,6 +625,7 @@ def main() -> None:
         copies_of_materials_are_the_users,
         projects_reload_where_they_are,
         another_name_of_the_scene_keeps_the_objects,
+        modifiers_and_collections_of_the_artist_stay,
         new_materials_reload,
         materials_without_users_are_left_out,
         linked_bakes_stay,
@@ -614,8 +642,6 @@ def main() -> None:
         except Exception:
             failed.append(f"{check.__name__}: {traceback.format_exc(limit=-2)}")
     print(json.dumps({"failed": failed}))
-    sys.stdout.flush()
-    os._exit(0)
 
 
-main()
+script.run(main)

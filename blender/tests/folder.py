@@ -15,6 +15,7 @@ import zipfile
 import bpy
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import script
 from recorder import draw_all
 
 
@@ -59,8 +60,6 @@ def main() -> None:
     osier_panel.unregister()
     report["left"] = [name for name in dir(bpy.types) if name.startswith(("OSIER_", "IMPORT_SCENE_OT_osier"))]
     print(json.dumps(report))
-    sys.stdout.flush()
-    os._exit(0)
 
 
-main()
+script.run(main)

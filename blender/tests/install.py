@@ -9,6 +9,7 @@ import os
 import sys
 
 import bpy
+import script
 
 
 def classes() -> list[str]:
@@ -51,7 +52,6 @@ def main() -> None:
     bpy.ops.extensions.package_uninstall(repo_index=index, pkg_id="osier_import")
     assert not os.path.exists(folder), folder
     print(json.dumps(report))
-    sys.stdout.flush()
 
 
-main()
+script.run(main)

@@ -15,6 +15,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 import bpy
 import osier_import
+import script
 
 
 def means(data: bpy.types.PointCloud) -> dict:
@@ -126,9 +127,6 @@ def main() -> None:
     bpy.ops.render.render(write_still=True)
     values = list(bpy.data.images.load(scene.render.filepath).pixels)[::4]
     print(json.dumps({"leaves": told, "readers": readers, "brightest": max(values), "mean": sum(values) / len(values)}))
-    sys.stdout.flush()
-    # Blender as a module may not end by itself while an add-on is registered.
-    os._exit(0)
 
 
-main()
+script.run(main)

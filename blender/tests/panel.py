@@ -19,6 +19,7 @@ import traceback
 import bpy
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import script
 from recorder import draw_all
 
 MODULE = "bl_ext.user_default.osier"
@@ -612,8 +613,6 @@ def main() -> None:
             failed.append(f"{check.__name__}: {traceback.format_exc(limit=-2)}")
         MEASURED[check.__name__] = round(time.monotonic() - began, 1)
     print(json.dumps({"failed": failed, **MEASURED}))
-    sys.stdout.flush()
-    os._exit(0)
 
 
-main()
+script.run(main)

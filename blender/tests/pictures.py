@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Renders frames of a bake, as the importer sets the scene up: pictures.py MANIFEST FOLDER WIDTHxHEIGHT ENGINE FRAME...
 
-ENGINE is CYCLES, which the importer chooses, or the name that EEVEE has in this version of Blender (BLENDER_EEVEE in 5.0). Runs under bpy 4.2
-or newer. Nothing else is set by hand but the size of the picture and the number of samples. Writes FOLDER/ENGINE_FRAME.png.
+ENGINE is CYCLES, which the importer chooses, or EEVEE. Runs under bpy 4.2 or newer. Nothing else is set by hand but the size of
+the picture and the number of samples. Writes FOLDER/ENGINE_FRAME.png.
 """
 
 import os
@@ -13,6 +13,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 import bpy
 import osier_import
+import script
 
 
 def main() -> None:
@@ -25,15 +26,14 @@ def main() -> None:
     scene.render.resolution_percentage = 100
     scene.render.image_settings.file_format = "PNG"
     assert scene.render.engine == "CYCLES"
-    scene.render.engine = engine
+    # Blender 4.2 to 4.5 have an older EEVEE by the name that is the new one's since 5.0.
+    if engine == "EEVEE":
+        scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
     scene.cycles.samples, scene.eevee.taa_render_samples = 24, 8
     for frame in map(int, frames):
         scene.frame_set(frame)
         scene.render.filepath = os.path.join(folder, f"{engine}_{frame}.png")
         bpy.ops.render.render(write_still=True)
-    sys.stdout.flush()
-    # Blender 4.5 as a module may not end by itself while an add-on is registered.
-    os._exit(0)
 
 
-main()
+script.run(main)

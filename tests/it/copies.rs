@@ -8,6 +8,7 @@
 
 use crate::common::clients;
 use crate::common::grown;
+use crate::common::program::ends;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -167,6 +168,19 @@ fn browsers_draw_copies_in_few_calls_and_bakes_are_small() {
         }
         let size = du(&folder);
         assert!(size <= megabytes * 1_000_000, "{preset}: {size} bytes");
+    }
+}
+
+/// Most bytes that a bake of many trees may be predicted with: 5 MB less than it may have, as predictions of these scenes are within 3 %.
+const PREDICTED_BYTES: f64 = 145e6;
+
+#[test]
+fn woods_are_predicted_below_150_megabytes() {
+    for preset in ["landscape", "birch-wood"] {
+        let (said, _) = ends(0, &["bake", preset, "--dry-run", "--json"]);
+        let told: Value = serde_json::from_str(&said).expect("JSON");
+        let bytes = told["would_make"]["bytes"].as_f64().expect("bytes");
+        assert!(bytes <= PREDICTED_BYTES, "{preset}: {bytes} bytes");
     }
 }
 

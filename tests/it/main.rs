@@ -43,6 +43,7 @@ mod pov_files;
 mod pov_picture;
 mod pov_positions;
 mod presets;
+mod presets_in_clients;
 mod preview;
 mod preview_silhouette;
 mod rain_charts;

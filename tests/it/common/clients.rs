@@ -3,10 +3,18 @@
 //! `tests/all.sh` installs them and sets `OSIER_JUDGES=require`, which turns a missing client into a failure. `OSIER_BPY` names
 //! another Python with another version of bpy, such as the one that `tests/full.sh` installs.
 #![allow(dead_code, reason = "each test file uses its own share")]
-#![allow(clippy::disallowed_methods, clippy::print_stderr, reason = "tests ask the environment and say what they skip")]
+#![allow(
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::print_stderr,
+    reason = "tests ask the environment and say what they skip"
+)]
 
+use std::fs::File;
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 /// Folder that `tests/all.sh` installs into.
 pub fn clients() -> PathBuf {
@@ -73,17 +81,48 @@ fn present(name: &str, path: PathBuf) -> Option<PathBuf> {
     None
 }
 
-/// Runs a client and fails the test with its output unless it ends with 0.
+/// Time after which a client is taken to hang: the longest takes two minutes on a machine with nothing else to do.
+const LONGEST: Duration = Duration::from_secs(20 * 60);
+
+/// Runs a client and fails the test with its output unless it ends with 0, within `LONGEST`.
 pub fn run(command: &mut Command) -> Output {
-    let output = command.output().unwrap_or_else(|e| panic!("cannot start {command:?}: {e}"));
+    run_for(command, LONGEST)
+}
+
+/// `run` with another limit of time, after which the client is killed.
+fn run_for(command: &mut Command, longest: Duration) -> Output {
+    // Files in place of pipes: a process that the client has started may hold a pipe open behind its end.
+    let [mut out, mut err] = [(); 2].map(|()| tempfile::tempfile().expect("a temporary file"));
+    let to = |file: &File| Stdio::from(file.try_clone().expect("a second handle"));
+    command.stdin(Stdio::null()).stdout(to(&out)).stderr(to(&err));
+    let mut client = command.spawn().unwrap_or_else(|e| panic!("cannot start {command:?}: {e}"));
+    let began = Instant::now();
+    let mut ended = client.try_wait().expect("a state");
+    while ended.is_none() && began.elapsed() < longest {
+        std::thread::sleep(Duration::from_millis(10));
+        ended = client.try_wait().expect("a state");
+    }
+    let status = ended.unwrap_or_else(|| {
+        client.kill().expect("a process of ours");
+        client.wait().expect("an end")
+    });
+    let output = Output { status, stdout: written(&mut out), stderr: written(&mut err) };
+    let end = if ended.is_some() { format!("ended with {status}") } else { format!("hung for {longest:?}") };
     assert!(
-        output.status.success(),
-        "{command:?} ended with {}\n--- stdout\n{}\n--- stderr\n{}",
-        output.status,
+        ended.is_some() && status.success(),
+        "{command:?} {end}\n--- stdout\n{}\n--- stderr\n{}",
         String::from_utf8_lossy(&output.stdout),
         String::from_utf8_lossy(&output.stderr)
     );
     output
+}
+
+/// All that was written to a file.
+fn written(file: &mut File) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    file.rewind().expect("the start");
+    file.read_to_end(&mut bytes).expect("a readable file");
+    bytes
 }
 
 /// Runs one of our Python scripts under Debian's Blender, headless.
@@ -104,4 +143,10 @@ pub fn python_script(python: &Path, name: &str, arguments: &[&str]) -> Output {
     let said = text.lines().filter(|line| !line.starts_with("Error: Not freed memory blocks"));
     output.stdout = said.flat_map(|line| [line, "\n"]).collect::<String>().into_bytes();
     output
+}
+
+#[test]
+#[should_panic(expected = "hung for 200ms\n--- stdout\nbegan")]
+fn a_client_that_hangs_is_killed() {
+    run_for(Command::new("sh").args(["-c", "echo began; exec sleep 60"]), Duration::from_millis(200));
 }

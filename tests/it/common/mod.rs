@@ -10,5 +10,6 @@ pub mod picture;
 pub mod pov;
 pub mod program;
 pub mod scene_text;
+pub mod short_bakes;
 pub mod synthetic;
 pub mod track_records;

@@ -1,0 +1,84 @@
+//! Scenes of all presets, baked short, as Blender and the validators of glTF and USD read them.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test may fail and reads what it likes")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use osier::presets::PRESETS;
+use serde_json::Value;
+
+use crate::common::clients;
+use crate::common::program::{arg, ends, tree};
+use crate::common::short_bakes::{is_scene, shortened};
+
+/// A wood and a meadow, many copies, wet leaves with maps, flying catkins, a tree of a species and one of a grammar in gusts.
+const SIX: [&str; 6] = ["showcase", "meadow", "rain-leaves", "catkins-street", "apple", "gusty-tree"];
+
+/// Names of the presets that are scenes.
+fn scenes() -> Vec<&'static str> {
+    let scenes = PRESETS.iter().filter(|preset| is_scene(preset));
+    scenes.filter_map(|preset| preset.name.strip_suffix(".toml")).collect()
+}
+
+/// A preset baked short into a folder of its name. `formats`: those and further arguments.
+fn baked(folder: &Path, preset: &str, formats: &[&str]) -> PathBuf {
+    let out = folder.join(preset);
+    let keys = shortened(&format!("{preset}.toml"));
+    let sets = keys.iter().flat_map(|key| ["--set", key.as_str()]);
+    let args = ["-q", "bake", preset, "-o", arg(&out)].into_iter().chain(sets).chain(formats.iter().copied());
+    ends(0, &args.collect::<Vec<_>>());
+    out
+}
+
+/// Imports presets into one Blender after the other: placements, leaves, frame rate, range and camera are those of the manifests.
+fn import(presets: &[&str]) {
+    let Some(python) = clients::python() else { return };
+    let temp = tempfile::tempdir().expect("folder");
+    let bake = |preset: &&str| baked(temp.path(), preset, &["--formats", "usd,exr"]).join("manifest.json");
+    let manifests: Vec<PathBuf> = presets.iter().map(bake).collect();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("blender/tests/presets.py");
+    let out = clients::run(Command::new(python).arg(script).args(manifests));
+    let text = String::from_utf8_lossy(&out.stdout);
+    let line = text.lines().rev().find(|line| line.starts_with('{')).expect("a report");
+    let report: Value = serde_json::from_str(line).expect("JSON");
+    assert_eq!(report["failed"], serde_json::json!([]), "{report:#}");
+    assert_eq!(report["counts"].as_object().map(serde_json::Map::len), Some(presets.len()), "{report:#}");
+}
+
+#[test]
+fn blender_has_what_the_manifests_of_six_presets_say() {
+    import(&SIX);
+}
+
+#[test]
+#[ignore = "takes minutes; tests/full.sh runs it"]
+fn blender_has_what_the_manifests_of_all_presets_say() {
+    import(&scenes());
+}
+
+#[test]
+#[ignore = "takes a quarter of an hour; tests/full.sh runs it"]
+fn the_validators_have_nothing_to_say_about_any_preset() {
+    let (Some((node, modules)), Some(python)) = (clients::validator(), clients::python()) else { return };
+    let formats = ["--formats", "usd,glb", "--set", "output.gltf.profiles=[\"blender\",\"web\",\"engine\"]"];
+    let mut faults = Vec::new();
+    for preset in scenes() {
+        let temp = tempfile::tempdir().expect("folder");
+        let out = baked(temp.path(), preset, &formats);
+        let names = tree(&out);
+        let files = |endings: &[&str]| -> Vec<PathBuf> {
+            names.keys().filter(|name| endings.iter().any(|e| name.ends_with(e))).map(|name| out.join(name)).collect()
+        };
+        let (models, stages) = (files(&[".glb", ".gltf"]), files(&[".usda", ".usdc"]));
+        assert!(models.len() >= 3 && !stages.is_empty(), "{preset}: {:?}", names.keys());
+        let mut command = Command::new(&node);
+        let told = clients::run(command.arg(clients::script("gltf_validate.mjs")).arg(&modules).args(&models));
+        let reports = String::from_utf8_lossy(&told.stdout);
+        let said = reports.lines().filter(|line| !line.contains("\"errors\":0,\"warnings\":0,"));
+        faults.extend(said.map(|line| format!("{preset}: {line}")));
+        assert_eq!(reports.lines().count(), models.len(), "{preset}: {reports}");
+        // It ends with 1 after the first preset about which a validator says anything.
+        clients::python_script(&python, "usd_validate.py", &stages.iter().map(|p| arg(p)).collect::<Vec<_>>());
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
