@@ -23,6 +23,14 @@ pub fn find(name: &str) -> Option<&'static Preset> {
     PRESETS.iter().find(|p| p.name == name)
 }
 
+/// Other English names of species, with the name that osier has for them.
+const OTHER_NAMES: [(&str, &str); 3] = [("lime", "linden"), ("basswood", "linden"), ("filbert", "hazel")];
+
+/// The species that an English name means which osier does not use: `linden` for `lime`. `name`: without an ending, in any case.
+pub fn other_name(name: &str) -> Option<&'static str> {
+    OTHER_NAMES.iter().find(|(other, _)| other.eq_ignore_ascii_case(name)).map(|(_, species)| *species)
+}
+
 /// Description of a preset for listings: the first line of its leading comment, and of a block comment (`/* .. */`) that breaks
 /// its first sentence also the rest of that.
 pub fn about(preset: &Preset) -> String {

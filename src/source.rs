@@ -19,7 +19,7 @@ use crate::presets::{self, Preset, PresetKind};
 use crate::recipe::scene::no_grammar;
 use crate::recipe::{Library, Request, SingleSource};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
-use osier_base::files::name_of;
+use osier_base::files::{folder_of, name_of};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result, files};
 use osier_grammar::{FileKind, Notation};
@@ -426,14 +426,41 @@ pub fn named_preset(name: &str) -> Option<&'static Preset> {
     endings.iter().find_map(|ending| presets::find(&format!("{name}{ending}")))
 }
 
-/// The error for a name that is neither a file nor a preset: it proposes the nearest preset.
+/// The error for a name that is neither a file nor a preset: it proposes the nearest preset, for a name with an ending also the
+/// nearest file beside it.
 pub(crate) fn no_such_source(name: &str) -> Error {
+    let missing = |hint: String| Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint));
+    // A name with an ending means a file: `dragn.png` is no misspelling of the preset `dragon`.
+    if Path::new(name).extension().is_some() {
+        let files = names_beside(Path::new(name));
+        let file = nearest(&name_of(Path::new(name)), files.iter().map(String::as_str));
+        let preset = nearest(name, presets::PRESETS.iter().map(|p| p.name));
+        return missing(match (file, preset) {
+            (Some(near), _) => {
+                format!("no such file; did you mean \"{}\"?", Path::new(name).with_file_name(near).display())
+            }
+            (None, Some(near)) => format!("no such file; did you mean the preset \"{near}\"?"),
+            (None, None) => "no such file".into(),
+        });
+    }
     let names = presets::PRESETS.iter().map(|p| p.name.split('.').next().unwrap_or(p.name));
-    let hint = match nearest(name, names) {
-        Some(near) => format!("no such file or preset; did you mean \"{near}\"?"),
-        None => "no such file or preset; `osier list presets` shows the presets".into(),
+    let hint = match (presets::other_name(name), nearest(name, names)) {
+        (Some(species), _) => {
+            format!("no such file or preset; did you mean \"{species}\", another name of that tree?")
+        }
+        (None, Some(near)) => format!("no such file or preset; did you mean \"{near}\"?"),
+        (None, None) => "no such file or preset; `osier list presets` shows the presets".into(),
     };
-    Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint))
+    missing(hint)
+}
+
+/// Names of the files beside a path in alphabetical order; none where the folder cannot be read.
+fn names_beside(path: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
+    let files = entries.filter(|e| e.file_type().is_ok_and(|kind| !kind.is_dir()));
+    let mut names: Vec<String> = files.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
 }
 
 /// The request for a preset, found as by [`named_preset`].

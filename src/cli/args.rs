@@ -157,6 +157,9 @@ pub enum ProfileArg {
     Blender,
     /// Browsers and other viewers; for game engines bake profile engine.
     Web,
+    /// Known only to say that a bake writes it: its levels of detail and its placements are several files.
+    #[value(hide = true)]
+    Engine,
 }
 
 /// Arguments of `osier preview`.

@@ -22,7 +22,12 @@ pub fn print(event: &Value) {
 
 /// Prints a message that is neither a warning nor an error.
 pub fn note(text: &str) {
-    print(&json!({ "event": "note", "message": text }));
+    print(&note_event(text));
+}
+
+/// A note, whose kind the field `event` tells: without the word that begins some of them on a terminal.
+fn note_event(text: &str) -> Value {
+    json!({ "event": "note", "message": text.strip_prefix("note: ").unwrap_or(text) })
 }
 
 /// Prints a warning without a position in a file.
@@ -121,6 +126,12 @@ impl StageEvents {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn notes_are_told_by_their_event_alone() {
+        assert_eq!(note_event("note: format csv has no file")["message"], "format csv has no file");
+        assert_eq!(note_event("writing about 2 MB")["message"], "writing about 2 MB");
+    }
 
     #[test]
     fn a_long_stage_has_a_hundred_lines() {

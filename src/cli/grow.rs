@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
 use super::progress::ProgressDisplay;
+use super::report::shell_word;
 use super::{Context, check_output, report, unreadable_name};
 use crate::bake::BakeContext;
 use crate::recipe::{Growth, Recipe, resolve};
@@ -36,6 +37,14 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     };
+    if args.profile == ProfileArg::Engine {
+        context.console.complain(&format!(
+            "--profile: profile engine is a file for each plant and a table of placements, which `osier grow` does not write; run \
+             `osier bake {} --formats glb --set 'output.gltf.profiles=[\"engine\"]'`",
+            shell_word(&args.source)
+        ));
+        return Ok(2);
+    }
     // A terminal would interpret bytes of a glb as control sequences.
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");

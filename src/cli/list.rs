@@ -254,12 +254,21 @@ fn shown(limit: u64) -> String {
 }
 
 fn options_json(tables: &[TableInfo]) -> serde_json::Value {
+    // Of the tables of a path, those of which a scene may have several: an index stands behind their names in an override.
+    let all = options();
+    let lists = |path: &str| -> Vec<&str> {
+        let is_of_path =
+            |t: &&TableInfo| path == t.path || path.strip_prefix(t.path).is_some_and(|rest| rest.starts_with('.'));
+        let mut lists: Vec<&str> = all.iter().filter(|t| t.is_list).filter(is_of_path).map(|t| t.path).collect();
+        lists.sort_unstable();
+        lists
+    };
     let row = |(t, k): (&TableInfo, &KeyInfo)| {
         let mut row = k.listing.form.as_json();
         let path = if t.path.is_empty() { k.name.to_owned() } else { format!("{}.{}", t.path, k.name) };
         let fields = json!({
             "table": t.path, "also": t.also, "key": k.name, "path": path, "help": k.help, "accepts": k.listing.accepts,
-            "default_text": k.listing.default, "unit": k.listing.unit, "basic": k.basic,
+            "default_text": k.listing.default, "unit": k.listing.unit, "basic": k.basic, "lists": lists(t.path),
         });
         if let (Some(row), serde_json::Value::Object(fields)) = (row.as_object_mut(), fields) {
             row.extend(fields);

@@ -8,9 +8,9 @@ use super::args::New;
 use super::report::shell_word;
 use super::{Context, SCENE_FLAGS, preset_list};
 use crate::presets::{self, Preset};
-use osier_base::Result;
 use osier_base::diagnostic::nearest;
 use osier_base::files::{Folder, WriteOptions, name_of, safe_name};
+use osier_base::{Error, Result};
 
 /// Runs `osier new`; the result is the exit code. The folder receives the scene and the presets that it names:
 /// grammars, particle-shapes, species, coefficient tables.
@@ -153,9 +153,15 @@ fn is_same_word(a: &str, b: &str) -> bool {
     a == b || singular(a) == singular(b)
 }
 
+/// Writes the files of the new folder. Messages of failures name no flag `-o`, which `osier new` does not have.
 fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
-    let out = Folder::plain(folder, WriteOptions::default())?;
-    files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes()))
+    let out = Folder::plain(folder, WriteOptions::default());
+    let written =
+        out.and_then(|out| files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes())));
+    written.map_err(|e| match e {
+        Error::Io { path, source, .. } => Error::io("make", path, source),
+        other => other,
+    })
 }
 
 /// Endings of presets that grow a plant, with the key of a plant that names such a file.

@@ -75,7 +75,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{}-sweep", first.name)));
     let frames = recipes.iter().map(|r| r.clip.len() as u64).sum::<u64>();
     if context.common.dry_run {
-        let text = format!("{}  {} runs, {frames} frames in all\n", root.display(), recipes.len());
+        let (count, length) = (counted(recipes.len() as u64, "run"), counted(frames, "frame"));
+        let text = format!("{}  {count}, {length} in all\n", root.display());
         let value = json!({ "target": root.display().to_string(), "runs": recipes.len(), "frames": frames });
         context.console.result(&if context.console.json { format!("{value:#}\n") } else { text })?;
         return Ok(context.strict(warned));
@@ -358,12 +359,18 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     // Without a key there is no plot over it.
     let more = [("sweep.svg", !all.keys.is_empty()), ("maps/", all.maps.iter().any(|maps| !maps.is_empty()))];
     let files: Vec<&str> = files.chain(more.iter().filter(|(_, is_there)| *is_there).map(|(name, _)| *name)).collect();
-    let mut text = format!("{}  {} runs: {}\n", root.display(), all.runs.len(), files.join(", "));
+    let runs = counted(all.runs.len() as u64, "run");
+    let mut text = format!("{}  {runs}: {}\n", root.display(), files.join(", "));
     for line in &lines {
         let cells: Vec<String> = line.iter().zip(&widths).map(|(cell, w)| format!("{cell:>w$}")).collect();
         text += &format!("  {}\n", cells.join("  "));
     }
     context.console.result(&text)
+}
+
+/// A number with what it counts: "1 run", "4 runs".
+fn counted(n: u64, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 /// A number of the printed table: with one decimal if it is less than a hundred and not whole, as means over few seeds are.
@@ -374,7 +381,12 @@ fn rounded(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::rounded;
+    use super::{counted, rounded};
+
+    #[test]
+    fn one_run_is_told_in_the_singular() {
+        assert_eq!([counted(1, "run"), counted(4, "run")], ["1 run", "4 runs"]);
+    }
 
     #[test]
     fn small_means_keep_a_decimal() {

@@ -103,7 +103,8 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     // Overrides change the tree before any key is read, so that they are checked like the text.
     let registry = Registry::of::<Recipe>();
     for set in &request.set {
-        apply_override(&mut root, &qualify_override(set, request.bare.as_ref(), &registry), &mut report);
+        let qualified = qualify_override(set, request.bare.as_ref(), &root, &registry);
+        apply_override(&mut root, &qualified, &mut report);
     }
     if report.has_errors() {
         return Err(Error::Input(Box::new(report)));
@@ -232,19 +233,34 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
             Growth::Grammar(grammar) => grammar.defines().iter().any(|define| define.name == name),
             _ => false,
         };
+        // A misspelt one, too, in any case of letters: `hight` of HEIGHT.
+        let wanted = name.to_lowercase();
+        let similar = recipe.plants.iter().find_map(|p| {
+            let Growth::Grammar(grammar) = &p.growth else { return None };
+            let defines = grammar.defines();
+            let lower: Vec<String> = defines.iter().map(|define| define.name.to_lowercase()).collect();
+            let near = nearest(&wanted, lower.iter().map(String::as_str))?;
+            let define = defines.iter().find(|define| define.name.to_lowercase() == near)?;
+            Some(format!("plants.{}.set.{}", path_element(&p.name), define.name))
+        });
         let keys: Vec<String> =
             recipe.plants.iter().filter(has).map(|p| format!("plants.{}.set.{name}", path_element(&p.name))).collect();
         if !keys.is_empty() {
             d.help = Some(format!("it is a #define of a grammar: its key is {}", keys.join(" or ")));
             // The fix was a guess at a similar key, which the help now contradicts.
             d.fix = None;
+        } else if let Some(key) = similar {
+            let other = d.help.take().map(|help| format!(" Otherwise: {help}")).unwrap_or_default();
+            d.help = Some(format!("did you mean {key}, a #define of a grammar?{other}"));
+            d.fix = None;
         }
     }
 }
 
-/// Completes the path of an override of a bare file: `angle=30` sets a #define of the grammar, `eps=0.1` a key of the growth of
-/// a tree, `leaf.size=0.1` a key of the plant.
-fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry) -> String {
+/// Completes the path of an override of a bare file: `angle=30` sets a #define of the grammar, `coil=2` a key of particle-shapes,
+/// `path_max=9` one of a species, `eps=0.1` a key of the growth of a tree, `leaf.size=0.1` a key of the plant. `root`: the scene of
+/// the file.
+fn qualify_override(set: &str, bare: Option<&SingleSource>, root: &TomlTable, registry: &Registry) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
     // A key of the scene has precedence over a key of the plant, and that over a #define of its grammar.
@@ -252,7 +268,18 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     let top = registry.names::<SceneKeys>().contains(&first);
     // The table that all other keys belong to; a coefficient table has no #defines.
     let (plant, others) = match bare {
-        SingleSource::Plant(name) => (path_element(name), "set"),
+        SingleSource::Plant(name) => {
+            let plant = root.table("plants").and_then(|plants| plants.table(name));
+            let has = |key: &str| plant.is_some_and(|table| table.get(key).is_some());
+            let others = if has("shapes") {
+                "growth"
+            } else if has("species") {
+                "habit"
+            } else {
+                "set"
+            };
+            (path_element(name), others)
+        }
         SingleSource::Tree(name) => (path_element(name), "tree"),
         SingleSource::Cloud(_) if top => return set.to_owned(),
         SingleSource::Cloud(name) => return format!("clouds.{}.{set}", path_element(name)),
@@ -539,17 +566,23 @@ impl Resolver<'_> {
             Err(why) => {
                 // Most references without a file are misspelt presets.
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
-                let near = if matches!(why, ReadError::Missing { .. }) { nearest(reference, names) } else { None };
-                let help = match near {
+                let is_missing = matches!(why, ReadError::Missing { .. });
+                let near = if is_missing { nearest(reference, names) } else { None };
+                let other =
+                    reference.strip_suffix(".species").filter(|_| is_missing).and_then(crate::presets::other_name);
+                let help = match (other, near) {
+                    (Some(species), _) => {
+                        format!("did you mean \"{species}\", another name of that tree? If not, {}", why.help())
+                    }
                     // A file of the user may be near the name of a preset by chance.
-                    Some(near) => format!("did you mean the preset \"{near}\"? If not, {}", why.help()),
-                    None if matches!(why, ReadError::TooLong { .. }) => {
+                    (None, Some(near)) => format!("did you mean the preset \"{near}\"? If not, {}", why.help()),
+                    (None, None) if matches!(why, ReadError::TooLong { .. }) => {
                         format!("make the file smaller, or raise the limit with --max-{limit}")
                     }
-                    None if endings == [".species"] && matches!(why, ReadError::Missing { .. }) => {
+                    (None, None) if endings == [".species"] && is_missing => {
                         format!("`osier list species` lists those in the program; for one of your own, {}", why.help())
                     }
-                    None => why.help().into(),
+                    (None, None) => why.help().into(),
                 };
                 fail(why.to_string(), help);
                 None
@@ -617,6 +650,14 @@ impl Resolver<'_> {
                 let d = Diagnostic::warning("S007", text, span, "nothing to write");
                 self.report.push(d.help("leave the key out, or the format"));
             }
+        }
+        // `size` and `texel` alone choose no file; format vdb takes its box from them.
+        let wind = root.table("output").and_then(|t| t.table("wind"));
+        if wind.is_some_and(|t| t.get("slice").is_none() && t.get("vti_every").is_none()) && !output.writes_vdb() {
+            let span = self.place_of(root, &["output", "wind"]);
+            let text = "`[output.wind]` names neither planes nor boxes, so that no file of the wind is written";
+            let d = Diagnostic::warning("S007", text, span, "nothing to write");
+            self.report.push(d.help("add [[output.wind.slice]], or vti_every = 1 for the whole box"));
         }
     }
 

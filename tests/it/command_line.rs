@@ -448,6 +448,8 @@ fn flags_that_a_source_cannot_heed_are_told() {
         let (_, err) = ends(0, &["grow", "koch", "--profile", "web", "-n", "-o", name]);
         assert_eq!(err.contains("--profile has no effect"), told, "{name}: {err}");
     }
+    let (_, err) = ends(2, &["grow", "koch", "--profile", "engine", "-n", "-o", "x.glb"]);
+    assert!(err.contains("osier bake koch --formats glb --set 'output.gltf.profiles=[\"engine\"]'"), "{err}");
     // Pictures are PNG files; another ending would promise another format.
     for name in ["x.jpg", "x.gif"] {
         let picture = dir.path().join(name);
@@ -882,6 +884,16 @@ fn info_describes_presets() {
     assert_eq!((&told["preset"], &told["kind"]), (&"oak.toml".into(), &"species".into()), "{out}");
     let (_, err) = in_folder(1, &["info", "oakk"]);
     assert!(err.contains("no such file or preset; did you mean \"oak\"?"), "{err}");
+    // A name with an ending is that of a file, near another file or the file of a preset, not of a picture of this name.
+    fs::write(dir.path().join("wall.obj"), "v 0 0 0").expect("file");
+    for (name, told) in [
+        ("dragn.png", "\"dragn.png\": no such file\n"),
+        ("wal.obj", "no such file; did you mean \"wall.obj\"?"),
+        ("dragn.l", "no such file; did you mean the preset \"dragon.l\"?"),
+    ] {
+        let (_, err) = in_folder(1, &["info", name]);
+        assert!(err.contains(told), "{err}");
+    }
     // A file of the name has precedence.
     fs::write(dir.path().join("oak"), "notes").expect("file");
     let (out, _) = in_folder(0, &["info", "oak"]);

@@ -583,6 +583,21 @@ fn quantized_and_sparse_positions() {
     assert_eq!(mesh.points, [Vec3::ZERO, Vec3::X * x, Vec3::Y]);
 }
 
+/// Accessors without bytes are all zero, as those of a morph target in which nothing moves; osier's growth clips have such.
+#[test]
+fn accessors_without_bytes_are_zeros() {
+    let shop = Shop::new();
+    let zeros = r#"}],
+"bufferViews"#;
+    let json = triangle().replace(r#"{"POSITION":0}}]"#, r#"{"POSITION":0},"targets":[{"POSITION":1}]}]"#).replace(
+        zeros,
+        &format!(r#"}},{{"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[0,0,0]{zeros}"#),
+    );
+    let imported = shop.read("a.gltf", json).expect("mesh");
+    assert_eq!(area(&imported.mesh), Vec3::Z / 2.0);
+    assert!(imported.warnings.to_string().contains("morph targets; they are not read"), "{}", imported.warnings);
+}
+
 #[test]
 fn every_broken_gltf_gets_an_answer() {
     let plain = triangle();

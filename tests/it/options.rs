@@ -23,6 +23,22 @@ const LISTS: [&str; 13] = [
     "wind.add",
 ];
 
+/// An index stands behind the names of such tables in the path of an override, which scripts build from the listing.
+#[test]
+fn the_schema_tells_which_tables_are_lists() {
+    let (out, _) = ends(0, &["list", "options", "--json"]);
+    let rows: Vec<Value> = serde_json::from_str(&out).expect("JSON");
+    for row in &rows {
+        let path = row["path"].as_str().expect("path");
+        let is_of_path = |list: &&str| path.strip_prefix(*list).is_some_and(|rest| rest.starts_with('.'));
+        let lists = LISTS.iter().copied().chain(INLINE.iter().map(|(list, _)| *list));
+        let mut wanted: Vec<&str> = lists.filter(is_of_path).collect();
+        wanted.sort_unstable();
+        assert_eq!(row["lists"], Value::from(wanted), "{path}");
+    }
+    assert!(rows.iter().any(|row| row["lists"] == serde_json::json!(["rod", "rod.clamp"])));
+}
+
 /// Tables that are values of a key: the key's path with what stands around such a table.
 const INLINE: [(&str, &str); 4] = [
     ("plants.NAME.turtle.tropisms", "plants.oak.turtle"),

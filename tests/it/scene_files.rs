@@ -88,6 +88,68 @@ fn a_bare_grammar_takes_overrides_for_its_defines_and_its_plant() {
     assert_eq!((r.plants[0].organs[0].keys.size, r.general.seed), (Some(0.2), 3));
 }
 
+/// Keys of bare particle-shapes and species are those of their files; those of the plant and of the scene come first.
+#[test]
+fn a_bare_file_of_shapes_or_of_a_species_takes_overrides_for_its_own_keys() {
+    let with = |mut request: Request, set: &[&str]| {
+        request.set = set.iter().map(|s| (*s).to_owned()).collect();
+        match resolve(&request) {
+            Ok((recipe, _)) => Ok(recipe.hash),
+            Err(e) => Err(e.to_string()),
+        }
+    };
+    let tree = || Request::shapes("tree", "tree.shapes");
+    let short = with(tree(), &["coil=2"]).expect("a key of particle-shapes");
+    assert_eq!(Ok(&short), with(tree(), &["plants.tree.growth.coil=2"]).as_ref());
+    assert_ne!(Ok(&short), with(tree(), &[]).as_ref());
+    let oak = || Request::species("oak", "oak.species");
+    let short = with(oak(), &["path_max=9", "age=20"]).expect("keys of a species and of its plant");
+    assert_eq!(Ok(&short), with(oak(), &["plants.oak.habit.path_max=9", "plants.oak.age=20"]).as_ref());
+    let said = with(tree(), &["wandr=2"]).expect_err("no key");
+    assert!(said.contains("[plants.tree.growth] has no key \"wandr\"") && said.contains("\"wander\""), "{said}");
+}
+
+#[test]
+fn a_misspelt_define_is_told_with_its_key() {
+    let said = read(GOOD, &["hight=7"]).expect_err("no such key");
+    assert!(said.contains("did you mean plants.oak.set.HEIGHT, a #define of a grammar?"), "{said}");
+    assert!(!said.contains("help: write"), "{said}");
+}
+
+/// A part of a choice is enough to name it: woods have the names of their species.
+#[test]
+fn a_part_of_a_choice_is_told_with_the_whole() {
+    let said = read(GOOD, &["plants.oak.wood.timber=oak"]).expect_err("no such timber");
+    assert!(said.contains("S003") && said.contains("did you mean \"white_oak\"? one of "), "{said}");
+    let said = read(GOOD, &["plants.oak.wood.timber=hemlock"]).expect_err("no such timber");
+    let solid = read(&format!("{GOOD}[[solid]]\nshape = \"box\"\n"), &[]).expect_err("no such shape");
+    assert!(solid.contains("did you mean \"block\"? one of "), "{solid}");
+    assert!(said.contains("did you mean \"eastern_hemlock\" or \"western_hemlock\"? one of "), "{said}");
+}
+
+#[test]
+fn a_species_under_another_name_is_told_with_that_of_osier() {
+    let said = read("[plants.a]\nspecies = \"lime\"\n", &[]).expect_err("no such species");
+    assert!(said.contains("S005") && said.contains("did you mean \"linden\", another name of that tree?"), "{said}");
+    assert!(!said.contains("pine"), "{said}");
+    let (_, err) = crate::common::program::ends(1, &["preview", "Basswood"]);
+    assert!(err.contains("did you mean \"linden\""), "{err}");
+}
+
+#[test]
+fn an_output_of_wind_without_planes_and_boxes_is_told_to_write_nothing() {
+    let said = |more: &str| {
+        let text = format!("{GOOD}{more}");
+        resolve(&request(&text, &[])).expect("scene").1.to_string()
+    };
+    let told = "`[output.wind]` names neither planes nor boxes";
+    assert!(said("[output.wind]\nsize = [2, 9, 2]\n").contains(told));
+    assert!(!said("[output.wind]\nvti_every = 2\n").contains(told));
+    assert!(!said("[[output.wind.slice]]\nacross = \"y\"\nat = 1\n").contains(told));
+    let volumes = GOOD.replace("\"glb\"", "\"vdb\"") + "[output.wind]\nsize = [2, 9, 2]\n";
+    assert!(!resolve(&request(&volumes, &[])).expect("scene").1.to_string().contains(told));
+}
+
 #[test]
 fn a_picture_has_the_bits_of_a_png() {
     let text = "[[layer]]\ncolor = \"#fff\"\n";

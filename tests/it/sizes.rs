@@ -264,6 +264,17 @@ fn the_predicted_size_of_growth_in_usd_is_near_that_of_its_files() {
     is_near_its_prediction(&temp.path().join("vine"), "vine", &["--set", "frames.end=40"]);
 }
 
+/// A year of the leaves of a tree, whose looks are instances of their own: only the visibility of most of them changes.
+#[test]
+fn the_predicted_size_of_a_year_in_usd_is_near_that_of_its_files() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene =
+        "[frames]\nend = 24\n[plants.a]\nspecies = \"birch\"\nage = 10\nseason = [0, 1]\n[ground]\nshow = false\n";
+    let file = temp.path().join("year.toml");
+    std::fs::write(&file, scene).expect("scene");
+    is_near_its_prediction(&temp.path().join("year"), arg(&file), &[]);
+}
+
 /// Bakes a scene as USD, and fails unless the payloads are within a factor of 1.4 of what a dry run predicts.
 fn is_near_its_prediction(out: &Path, scene: &str, more: &[&str]) {
     let arguments = [&["-q", "bake", scene, "--formats", "usd", "-o", arg(out)][..], more].concat();

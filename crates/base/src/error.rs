@@ -114,7 +114,8 @@ impl Error {
         }
     }
 
-    /// [`Error::Io`] for a failed system call. `action`: the verb of the message; "open" gives an absent file exit code 1.
+    /// [`Error::Io`] for a failed system call. `action`: the verb of the message; "open" gives an absent file exit code 1, "make"
+    /// names no flag `-o` as a remedy.
     pub fn io(action: &'static str, path: impl Into<PathBuf>, source: std::io::Error) -> Self {
         Self::Io { action, path: path.into(), source }
     }
@@ -151,9 +152,15 @@ fn remedies(flag: &str, help: &str) -> String {
 fn io_remedy(action: &str, source: &std::io::Error) -> &'static str {
     use std::io::ErrorKind as K;
     let reads = matches!(action, "open" | "read");
+    // Commands without -o, whose argument is the place.
+    let makes = action == "make";
     match source.kind() {
-        K::PermissionDenied if reads => "; allow yourself to read it, or name a copy that you may read",
-        K::PermissionDenied => "; allow yourself to write there, or choose another folder with -o",
+        K::PermissionDenied if reads => "; change its permissions, or name a copy that you may read",
+        K::PermissionDenied if makes => "; change the permissions there, or choose another place",
+        K::ReadOnlyFilesystem if makes => "; choose a place on another disk",
+        K::StorageFull | K::QuotaExceeded if makes => "; free some space, or choose a place on another disk",
+        K::NotADirectory if makes => "; choose another place",
+        K::PermissionDenied => "; change the permissions there, or choose another folder with -o",
         K::ReadOnlyFilesystem => "; choose a folder on another disk with -o",
         K::StorageFull | K::QuotaExceeded => "; free some space, or choose a folder on another disk with -o",
         K::NotADirectory if !reads => "; choose another folder with -o",
@@ -212,7 +219,7 @@ mod tests {
         let told = |action, kind: K| Error::io(action, "out/oak.glb", kind.into()).to_string();
         let denied = told("create", K::PermissionDenied);
         assert!(
-            denied.starts_with("cannot create \"out/oak.glb\": permission denied; allow yourself to write"),
+            denied.starts_with("cannot create \"out/oak.glb\": permission denied; change the permissions there, or"),
             "{denied}"
         );
         assert!(told("open", K::PermissionDenied).ends_with("that you may read"), "{denied}");
@@ -220,6 +227,10 @@ mod tests {
             assert!(told("write", kind).ends_with("with -o"), "{kind:?}");
         }
         assert_eq!(told("open", K::NotFound), "cannot open \"out/oak.glb\": entity not found");
+        for kind in [K::PermissionDenied, K::ReadOnlyFilesystem, K::StorageFull, K::QuotaExceeded, K::NotADirectory] {
+            let made = told("make", kind);
+            assert!(made.contains("; ") && !made.contains("-o"), "{made}");
+        }
     }
 
     #[test]

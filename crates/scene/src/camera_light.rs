@@ -36,18 +36,36 @@ impl Camera {
         [0.01, (self.eye.length() + self.target.length()) * 100.0 + 1000.0]
     }
 
-    /// Fits a box into the picture: three-quarter view, the camera looking about 10 degrees down.
-    /// `bounds`: world box, m; `aspect`: width / height; `vfov`: rad.
-    pub fn framing(bounds: osier_base::geometry::Bounds, aspect: f32, vfov: f32) -> Self {
-        let radius = (bounds.size().length() * 0.5).max(1e-3);
-        let half = (vfov * 0.5).min(osier_base::math::atan_f32(osier_base::math::tan_f32(vfov * 0.5) * aspect));
-        let distance = radius / osier_base::math::sin_f32(half);
+    /// Fits a box into the picture: three-quarter view, the camera looking about 10 degrees down. The corner of the box that
+    /// projects farthest from the middle of the picture lies [`Self::FILL`] of the way to the edge.
+    /// `bounds`: world box, m; `aspect`: width / height; `vfov`, `roll`: rad.
+    pub fn framing(bounds: osier_base::geometry::Bounds, aspect: f32, vfov: f32, roll: f32) -> Self {
         let pitch = osier_base::units::radians_f32(10.0);
         let (s, c) = (osier_base::math::sin_f32(pitch), osier_base::math::cos_f32(pitch));
         let azimuth = osier_base::units::radians_f32(25.0);
         let out = Vec3::new(c * osier_base::math::sin_f32(azimuth), s, c * osier_base::math::cos_f32(azimuth));
-        Self { eye: bounds.center() + out * distance, target: bounds.center(), vfov, roll: 0.0 }
+        let target = bounds.center();
+        // The directions of the picture's edges do not depend on the distance.
+        let unfitted = Self { eye: target + out, target, vfov, roll };
+        let [right, up, back] = unfitted.axes();
+        let half_height = osier_base::math::tan_f32(vfov * 0.5);
+        let half_width = half_height * aspect;
+        // A corner at (x, y, z) from the target is seen at x / (d - z): the least distance d that keeps it in the picture.
+        let least_distance = |corner: Vec3| {
+            let from = corner - target;
+            let across = (from.dot(right).abs() / half_width).max(from.dot(up).abs() / half_height);
+            from.dot(back) + across / Self::FILL
+        };
+        let corners = if bounds.is_empty() { Vec::new() } else { bounds.corners().to_vec() };
+        let distance = corners.into_iter().map(least_distance).fold(Self::LEAST_DISTANCE, f32::max);
+        Self { eye: target + out * distance, ..unfitted }
     }
+
+    /// Share of the half width and half height of the picture that a framed box fills; the rest is margin. Own: as that of pictures
+    /// of the preview.
+    const FILL: f32 = 0.9;
+    /// Least distance of a framing camera from its target, m: even a point is seen from in front. Own.
+    const LEAST_DISTANCE: f32 = 1e-3;
 }
 
 /// How the radiance of a picture becomes displayed light. Own: a toe that deepens shade and a shoulder towards white,
@@ -233,6 +251,33 @@ impl Default for Sky {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use osier_base::geometry::Bounds;
+
+    /// A slender tree, a wide meadow and a rolled view: the outermost corner lies at nine tenths of the half picture.
+    #[test]
+    fn a_framed_box_fills_nine_tenths_of_the_picture() {
+        let boxes = [
+            (Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 9.0, 1.0)),
+            (Vec3::new(-20.0, 0.0, -20.0), Vec3::new(20.0, 0.4, 20.0)),
+            (Vec3::new(3.0, 2.0, 1.0), Vec3::new(3.5, 2.5, 9.0)),
+        ];
+        for (min, max) in boxes {
+            for (aspect, vfov, roll) in [(4.0 / 3.0, 0.6, 0.0), (0.5, 1.2, 0.0), (1.8, 0.3, 0.7)] {
+                let bounds = Bounds { min, max };
+                let camera = Camera::framing(bounds, aspect, vfov, roll);
+                let [right, up, back] = camera.axes();
+                let half = osier_base::math::tan_f32(vfov * 0.5);
+                let seen = |corner: Vec3| {
+                    let from = corner - camera.eye;
+                    let depth = -from.dot(back);
+                    assert!(depth > 0.0, "{corner} lies behind the camera");
+                    (from.dot(right) / depth / half / aspect).abs().max((from.dot(up) / depth / half).abs())
+                };
+                let outermost = bounds.corners().map(seen).into_iter().fold(0.0, f32::max);
+                assert!((outermost - 0.9).abs() < 1e-3, "{outermost} of {bounds:?}");
+            }
+        }
+    }
 
     #[test]
     fn haze_leaves_two_percent_at_the_visibility_and_thins_out_above() {

@@ -200,6 +200,40 @@ impl Scene {
         used
     }
 
+    /// Removes the textures of materials that nothing has ([`Self::used_materials`]), so that no format writes them: a turf has bark and
+    /// leaves of a plant all the same. Images that belong to no material stay.
+    pub fn remove_unused_textures(&mut self) {
+        let count = self.images.len();
+        let mut given = vec![false; count];
+        let mut kept = given.clone();
+        let used = self.used_materials();
+        for (material, is_used) in self.materials.iter_mut().zip(used) {
+            for image in material.maps.all().into_iter().flatten().map(|i| i as usize).filter(|i| *i < count) {
+                given[image] = true;
+                kept[image] |= is_used;
+            }
+            if !is_used {
+                material.maps = Maps::default();
+            }
+        }
+        // Number the images that stay anew, in their order.
+        let stays: Vec<bool> = given.into_iter().zip(kept).map(|(given, kept)| kept || !given).collect();
+        let mut next = 0_u32;
+        let mut numbers = Vec::with_capacity(count);
+        for stays in &stays {
+            numbers.push(stays.then_some(next));
+            next += u32::from(*stays);
+        }
+        let mut flags = stays.into_iter();
+        self.images.retain(|_| flags.next().unwrap_or(true));
+        for material in &mut self.materials {
+            let Maps { color, normal, roughness, height } = &mut material.maps;
+            for slot in [color, normal, roughness, height] {
+                *slot = slot.and_then(|old| numbers.get(old as usize).copied().flatten());
+            }
+        }
+    }
+
     /// Whether the texture coordinates of a face with the material are farther than 0.01 outside of the square from 0 to 1, so that
     /// the face shows a repeat of its textures.
     pub fn repeats_textures(&self, id: MaterialId) -> bool {

@@ -47,6 +47,13 @@ pub struct Maps {
     pub height: Option<u32>,
 }
 
+impl Maps {
+    /// The indices of all maps: colour, normal, roughness, height.
+    pub fn all(&self) -> [Option<u32>; 4] {
+        [self.color, self.normal, self.roughness, self.height]
+    }
+}
+
 /// A thin clear film over a surface, such as water on a leaf, where a map sequence gives it weight. OpenPBR: coat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coat {

@@ -32,7 +32,7 @@ pub struct Watch {
     pub above: f64,
     /// Code of the warning, as listed in docs/codes.md.
     pub code: &'static str,
-    /// Message of the warning, with `{}` for the largest value.
+    /// Message of the warning, with `{}` for the largest value, `{once}` for how often that is: "once", "3 times".
     pub text: &'static str,
 }
 
@@ -42,7 +42,8 @@ impl Table {
         let warning = |w: &Watch| {
             let value = most.get(w.column).copied().filter(|v| *v > w.above)?;
             let shown = if value >= 1.0 { format!("{value:.0}") } else { format!("{value:.1e}") };
-            Some((w.code, w.text.replace("{}", &shown)))
+            let often = if shown == "1" { "once".to_owned() } else { format!("{shown} times") };
+            Some((w.code, w.text.replace("{once}", &often).replace("{}", &shown)))
         };
         self.watches.iter().filter_map(warning).collect()
     }

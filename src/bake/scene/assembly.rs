@@ -280,7 +280,7 @@ fn assemble(
     }
 
     // Tables and fields are in the order in which their motions were added: flight, then rain. The wind's volume comes first.
-    let scene = Scene {
+    let mut scene = Scene {
         name: recipe.name.clone(),
         title: recipe.general.title.clone(),
         seed: recipe.general.seed,
@@ -301,6 +301,7 @@ fn assemble(
         volumes: wind_volume.into_iter().chain(flight_volumes).collect(),
         map_sequences: rain.map_sequences,
     };
+    scene.remove_unused_textures();
     Ok(AssembledScene {
         animated: AnimatedScene { scene: Arc::new(scene), motions: builder.motions, wind: wind_output },
         report,
@@ -309,4 +310,32 @@ fn assemble(
         rained_leaves,
         wind: scene_wind,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::{Request, resolve};
+    use osier_base::limits::Limits;
+    use osier_base::progress::{Cancel, Silent};
+
+    /// A turf is blades alone: it has neither thick axes nor leaves, whose textures would be files that nothing shows.
+    #[test]
+    fn textures_of_materials_that_nothing_has_are_left_out() {
+        let text = "[plants.turf]\nshapes = \"turf.shapes\"\n[plants.turf.growth]\nroots = 3\n[ground]\nside = 64\n";
+        let request = Request { text: text.into(), ..Request::default() };
+        let recipe = resolve(&request).expect("scene").0;
+        let context =
+            BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+        let scene = assemble_scene(&recipe, SceneOptions::default(), &context).expect("scene").animated.scene;
+        let names: Vec<&str> = scene.images.iter().map(|image| image.name.as_str()).collect();
+        assert!(names.iter().all(|name| name.starts_with("turf_shoot_") || name.starts_with("ground_")), "{names:?}");
+        assert!(names.contains(&"turf_shoot_color") && names.contains(&"ground_rough"), "{names:?}");
+        // The materials that stay have their own images under the new numbers.
+        for material in &scene.materials {
+            for image in material.maps.all().into_iter().flatten() {
+                assert!(names[image as usize].starts_with(&format!("{}_", material.name)), "{}", material.name);
+            }
+        }
+    }
 }

@@ -29,14 +29,13 @@ pub fn scene_camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement])
 fn camera_framing(recipe: &Recipe, bounds: Bounds) -> Camera {
     let keys = &recipe.camera;
     let [width, height] = recipe.output.pov.size;
-    let mut camera = Camera::framing(bounds, narrow(width / height), narrow(keys.vfov));
+    let mut camera = Camera::framing(bounds, narrow(width / height), narrow(keys.vfov), narrow(keys.roll));
     let point = |p: [f64; 3]| Vec3::from_array(p.map(narrow));
     if let Some(target) = keys.target {
         camera.eye += point(target) - camera.target;
         camera.target = point(target);
     }
     camera.eye = keys.eye.map_or(camera.target + (camera.eye - camera.target) * narrow(keys.distance), point);
-    camera.roll = narrow(keys.roll);
     camera
 }
 

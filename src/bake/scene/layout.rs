@@ -304,10 +304,11 @@ impl PlacementGrid {
 }
 
 /// Whether copies of a plant share a motion that is recorded in the directions of the scene, and so must face its wind alike. A plant
-/// whose motion is left to shaders has none.
+/// that keeps still or whose motion is left to shaders has none.
 pub(crate) fn faces_wind(recipe: &Recipe, plant: usize) -> bool {
-    let is_static = |p: &PlantRecipe| p.keys.motion == BarkMotion::Static && p.rods.is_none();
-    recipe.moves && !recipe.plants.get(plant).is_some_and(is_static)
+    let has_none =
+        |p: &PlantRecipe| matches!(p.keys.motion, BarkMotion::Still | BarkMotion::Static) && p.rods.is_none();
+    recipe.moves && !recipe.plants.get(plant).is_some_and(has_none)
 }
 
 /// World transform of one copy of a place. `turned_as`: the copy whose random turn it shares.

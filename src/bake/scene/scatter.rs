@@ -340,8 +340,10 @@ individuals = 2
         assert!(!facing(&upright), "still copies are turned at random");
         let windy = format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n");
         assert!(facing(&windy));
-        let left_to_shaders = windy.replacen("[plants.tree]\n", "[plants.tree]\nmotion = \"static\"\n", 1);
-        assert!(!facing(&left_to_shaders), "{left_to_shaders}");
+        for motion in ["static", "still"] {
+            let unmoved = windy.replacen("[plants.tree]\n", &format!("[plants.tree]\nmotion = \"{motion}\"\n"), 1);
+            assert!(!facing(&unmoved), "{unmoved}");
+        }
     }
 
     #[test]

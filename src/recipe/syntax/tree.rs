@@ -116,10 +116,46 @@ pub fn parse(text: &str, source: SourceId, report: &mut Report) -> TomlTable {
         }
         let at = e.span().unwrap_or(0..0);
         let message = e.message().lines().collect::<Vec<_>>().join(", ");
-        let help = syntax_help(&message, report.sources.name(source));
-        report.push(Diagnostic::error("S001", message, Span::new(source, at.start, at.end), "here").help(help));
+        let d = |at: std::ops::Range<usize>| {
+            Diagnostic::error("S001", &message, Span::new(source, at.start, at.end), "here")
+        };
+        report.push(match misspelt_number(text, at.start) {
+            Some((place, number)) => d(place.clone())
+                .help("numbers have a decimal point with digits on both sides")
+                .fix(Span::new(source, place.start, place.end), number),
+            None => d(at).help(syntax_help(&message, report.sources.name(source))),
+        });
     }
     table(document.get_ref(), source, report)
+}
+
+/// A number at a byte of the text that TOML refuses, with its place and the number that is meant: `3,5` with a decimal comma, `.4`
+/// and `4.` without a digit beside the point. `None` for anything else, such as the list `1, 2, 3` without brackets.
+fn misspelt_number(text: &str, at: usize) -> Option<(std::ops::Range<usize>, String)> {
+    let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | ',' | '+' | '-');
+    let before = text.get(..at)?;
+    let start = before.trim_end_matches(is_part).len();
+    let end = at + text[at..].find(|c| !is_part(c)).unwrap_or(text.len() - at);
+    let is_number = |t: &str| !t.is_empty() && t.chars().all(|c| c.is_ascii_digit());
+    let signed = |word: &str| word.len() - word.trim_start_matches(['+', '-']).len();
+    // A decimal comma, only in the whole value of a key: in a list a comma divides numbers.
+    let word = &text[start..end];
+    let (sign, digits) = word.split_at(signed(word));
+    if let Some((whole, rest)) = digits.split_once(',').filter(|(whole, rest)| is_number(whole) && is_number(rest)) {
+        let is_value = before[..start].trim_end_matches([' ', '\t']).ends_with('=');
+        return is_value.then(|| (start..end, format!("{sign}{whole}.{rest}")));
+    }
+    // A point at the end of the digits; of a list the number at the place.
+    let start = text[start..at].rfind(',').map_or(start, |comma| start + comma + 1);
+    let end = text[at..end].find(',').map_or(end, |comma| at + comma);
+    let word = &text[start..end];
+    let (sign, digits) = word.split_at(signed(word));
+    let mended = match digits.split_once('.')? {
+        ("", rest) if is_number(rest) => format!("0.{rest}"),
+        (whole, "") if is_number(whole) => format!("{whole}.0"),
+        _ => return None,
+    };
+    Some((start..end, format!("{sign}{mended}")))
 }
 
 /// Help for a syntax error of a scene, by the parser's message and the name of the file.
@@ -130,7 +166,7 @@ fn syntax_help(message: &str, name: &str) -> &'static str {
     if message.starts_with("duplicate key") {
         return "a key stands once in a table, and a table once in a scene: leave out one of the two; of several plants each has a name of its own";
     }
-    // `5cm`, `0,5`, `(1, 2, 3)`, `yes`.
+    // `5cm`, `(1, 2, 3)`, `yes`.
     if message.starts_with("string values must be quoted") || message.starts_with("unexpected key or value") {
         return "write texts in \"quotes\", numbers as 0.5 and without a unit, lists as [1, 2, 3], and true or false";
     }
@@ -166,6 +202,14 @@ fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> 
     let at = value.span();
     let span = Span::new(source, at.start, at.end);
     let bad = |report: &mut Report, message: &str, help: &str| {
+        // A number that the parser has refused already is told once.
+        let is_told = |d: &Diagnostic| {
+            d.code == "S001"
+                && d.labels.iter().any(|(s, _)| s.source == source && (span.start..=span.end).contains(&s.start))
+        };
+        if report.diagnostics.iter().any(is_told) {
+            return TomlValue::Other;
+        }
         report.push(Diagnostic::error("S003", message, span, "this value").help(help));
         TomlValue::Other
     };
@@ -442,7 +486,7 @@ mod tests {
             let told = help("a.toml", &format!("mesh = \"{path}\"\n"));
             assert!(told.contains("write '/' between folders"), "{path}: {told}");
         }
-        for value in ["5cm", "0,5", "(1,2,3)", "yes"] {
+        for value in ["5cm", "(1,2,3)", "yes"] {
             let told = help("a.toml", &format!("size = {value}\n"));
             assert!(told.contains("without a unit"), "{value}: {told}");
         }
@@ -481,6 +525,29 @@ mod tests {
         let (t, _) = read("", &["plants.\"a.b\".x=3"]);
         let Some(TomlValue::Table(plants)) = value(&t, "plants") else { panic!("{t:?}") };
         assert_eq!(place(plants.entries[0].key_span), [7, 12]);
+    }
+
+    /// `3,5`, `.4` and `4.` are told once, with the number that TOML takes; a list without brackets is no number.
+    #[test]
+    fn numbers_without_a_point_between_digits_are_mended() {
+        for (text, mended) in [
+            ("[wind]\nspeed = 3,5\n", "3.5"),
+            ("a = -0,25", "-0.25"),
+            ("spacing = .4\n", "0.4"),
+            ("a = [1, -.5]\n", "-0.5"),
+            ("a = 4.\n", "4.0"),
+            ("a = [4., 2]\n", "4.0"),
+            ("a = [1,.5,2]\n", "0.5"),
+        ] {
+            let (_, r) = read(text, &[]);
+            let fixes: Vec<&str> =
+                r.diagnostics.iter().filter_map(|d| d.fix.as_ref()).map(|f| f.replacement.as_str()).collect();
+            assert_eq!((r.diagnostics.len(), &fixes[..]), (1, &[mended][..]), "{text}: {r}");
+        }
+        for text in ["a = 1, 2\n", "a = 1,2,3\n", "a = 3.5 m\n", "a = 1.2.3\n"] {
+            let (_, r) = read(text, &[]);
+            assert!(r.diagnostics.iter().all(|d| d.fix.is_none()), "{text}: {r}");
+        }
     }
 
     #[test]

@@ -433,6 +433,10 @@ fn choices<W: Choice>() -> String {
     W::ALL.iter().map(|(w, _)| format!("\"{w}\"")).collect::<Vec<_>>().join(", ")
 }
 
+/// Words for choices that are those of other tables or programs, with the word that is meant where a key has it: particle-shapes grow
+/// round a `box`, which is a `block` among the solids of a scene.
+const OTHER_WORDS: [(&str, &str); 3] = [("box", "block"), ("cube", "block"), ("cuboid", "block")];
+
 /// One word of an enum; the field is the default.
 #[derive(Debug, Clone, Copy)]
 pub struct OneOf<W>(pub W);
@@ -451,10 +455,19 @@ impl<W: Choice + PartialEq> ValueType for OneOf<W> {
         }
         let d = Diagnostic::error("S003", format!("{name} has no choice \"{t}\""), node.span, "unknown word");
         let all = format!("one of {}", choices::<W>());
-        Err(Box::new(match nearest(t, W::ALL.iter().map(|(w, _)| *w)) {
+        let words = || W::ALL.iter().map(|(w, _)| *w);
+        let other = OTHER_WORDS.iter().find(|(other, _)| other.eq_ignore_ascii_case(t)).map(|(_, word)| *word);
+        let near: Vec<&str> = match words().find(|w| Some(*w) == other).or_else(|| nearest(t, words())) {
+            Some(near) => vec![near],
+            // `oak` of `white_oak`.
+            None => words().filter(|w| w.split('_').any(|part| part == t)).collect(),
+        };
+        let quoted = near.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" or ");
+        Err(Box::new(match near.len() {
+            0 => d.help(all),
             // A similar word need not be the one that was meant.
-            Some(near) => d.help(format!("did you mean \"{near}\"? {all}")).fix(node.span, format!("\"{near}\"")),
-            None => d.help(all),
+            1 => d.help(format!("did you mean {quoted}? {all}")).fix(node.span, quoted),
+            _ => d.help(format!("did you mean {quoted}? {all}")),
         }))
     }
     fn listing(&self) -> KeyListing {

@@ -138,7 +138,7 @@ mod tests {
         // The superuser may write everywhere, so that nothing can be tested.
         let Err(denied) = check_writable(&closed) else { return };
         let (closed, below) = (closed.display(), check_writable(&closed.join("a")).expect_err("denied").to_string());
-        let remedy = "allow yourself to write there, or choose another folder with -o";
+        let remedy = "change the permissions there, or choose another folder with -o";
         assert_eq!(denied.to_string(), format!("cannot write to \"{closed}\": permission denied; {remedy}"));
         let why = format!("you have no permission to write in \"{closed}\"; {remedy}");
         assert!(below.starts_with("cannot create ") && below.ends_with(&why), "{below}");

@@ -7,7 +7,7 @@
 
 use super::mesh::{Mesh2Faces, has_area_anywhere, split_hair, write_mesh2, write_topology, write_vectors};
 use super::objects::{
-    CloudFrame, MAX_SPHERES, PrototypeUse, StreakView, write_curves, write_instances, write_points, write_union,
+    CloudFrame, PrototypeUse, StreakView, left_out_message, write_curves, write_instances, write_points, write_union,
 };
 use super::photons;
 use super::space::PovSpace;
@@ -317,10 +317,7 @@ impl PovAsset<'_> {
             text.put(&format!("#declare D_{}_{i} = ", self.index));
             let dropped = write_points(text, self.space, points, self.materials, &at);
             if dropped > 0 {
-                let message = format!(
-                    "asset {}, points {}: {dropped} points over {MAX_SPHERES} spheres are left out",
-                    self.asset.id, points.name
-                );
+                let message = left_out_message(&self.asset.id, &points.name, dropped);
                 // One warning per count, not one per frame of the clip.
                 if !warnings.iter().any(|w| w.message == message) {
                     warnings.push(Warning { code: "X013", message });

@@ -121,6 +121,14 @@ pub(super) fn is_water(points: &Points, materials: &[Material]) -> bool {
     materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water)
 }
 
+/// The warning about points that [`write_points`] left out. `asset` and `points`: their names; `count`: how many.
+pub(super) fn left_out_message(asset: &str, points: &str, count: usize) -> String {
+    // Most clouds have this name, which says nothing beside the word itself.
+    let points = if points == "points" { "its points".to_owned() } else { format!("the points {points}") };
+    let are = if count == 1 { "is" } else { "are" };
+    format!("asset {asset}: {count} of {points} {are} left out, since a frame has at most {MAX_SPHERES} spheres")
+}
+
 /// Writes the visible points of a cloud: spheres, or streaks for falling water. Of more than [`MAX_SPHERES`] points, only every
 /// n-th is written. Returns how many were left out.
 /// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
@@ -251,6 +259,13 @@ mod tests {
         let dropped = write_points(&mut text, PovSpace { scale: 1.0 }, &points, &[], &at);
         let lines = text.bytes().split(|c| *c == b'\n').filter(|l| *l == b"sphere{<1,1,-1>,0.25}").count();
         assert_eq!((lines, dropped), (83_334, 166_666));
+    }
+
+    #[test]
+    fn points_that_are_left_out_are_told_in_whole_sentences() {
+        let limit = "left out, since a frame has at most 100000 spheres";
+        assert_eq!(left_out_message("fern", "points", 9), format!("asset fern: 9 of its points are {limit}"));
+        assert_eq!(left_out_message("fern", "dew", 1), format!("asset fern: 1 of the points dew is {limit}"));
     }
 
     #[test]

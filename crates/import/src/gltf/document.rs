@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use gltf::json::Root;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use crate::{ImportContext, ImportResult};
 use osier_base::convert::limit;
@@ -144,6 +144,7 @@ impl GltfDocument {
         if top.remove("animations").is_some() {
             context.warn("X016", "holds animations; they are not read");
         }
+        give_zeros_sparse_values(top);
         let instance_accessors = entries(top, "nodes").filter_map(|(i, n)| Some((i, instance_accessors(n)?))).collect();
         let texture_coordinates = coordinates_of_materials(context, top);
         let ior = |m: &Value| m.pointer("/extensions/KHR_materials_ior/ior")?.as_f64();
@@ -230,6 +231,19 @@ fn check_position_accessors(context: &ImportContext<'_>, top: &Map<String, Value
         }
     }
     Ok(())
+}
+
+/// Gives accessors that have neither a buffer view nor sparse values an empty list of sparse values. By the specification all of
+/// their elements are zero, as those of a morph target that moves nothing; the crate's validation refuses them as incomplete.
+fn give_zeros_sparse_values(top: &mut Map<String, Value>) {
+    let accessors = top.get_mut("accessors").and_then(Value::as_array_mut);
+    for accessor in accessors.into_iter().flatten().filter_map(Value::as_object_mut) {
+        if !accessor.contains_key("bufferView") && !accessor.contains_key("sparse") {
+            // No value is read from the buffer view, which only has to exist.
+            let none = json!({ "bufferView": 0, "byteOffset": 0, "componentType": 5121 });
+            accessor.insert("sparse".to_owned(), json!({ "count": 0, "indices": none, "values": { "bufferView": 0 } }));
+        }
+    }
 }
 
 /// Converts KHR_materials_pbrSpecularGlossiness to base colour and roughness in materials that have nothing else, as
