@@ -527,3 +527,16 @@ fn quotes_are_symbols_that_contexts_skip_and_a_second_list_replaces_the_first() 
     let (_, said) = read("Lsystem: 1\nIgnore: -\nIgnore: +\nderivation length: 1\nAxiom: A\nA --> F\nendlsystem\n");
     assert_eq!(said.iter().filter(|d| d.code == "L008").count(), 1, "{said:?}");
 }
+
+#[test]
+fn what_needs_a_program_beside_the_grammar_is_refused_by_name() {
+    for (text, place, why) in [
+        ("Lsystem: 1\nderivation length: 1\nAxiom: A\nA -o> B\nendlsystem\n", "4:3", "'-o>'"),
+        // Also behind a condition, and of a predecessor of several modules.
+        ("Lsystem: 1\nderivation length: 1\nAxiom: A\nA ?E(x) : x > 0 -o> B\nendlsystem\n", "4:17", "'-o>'"),
+        ("Lsystem: 1\nDefine: { external a[3]; }\nderivation length: 1\nAxiom: A\nendlsystem\n", "2:11", "'external'"),
+    ] {
+        let said = try_read(text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L001]") && said.contains(why) && said.contains(place), "{text}: {said}");
+    }
+}

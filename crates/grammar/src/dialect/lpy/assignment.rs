@@ -10,9 +10,9 @@ use super::expression::{
 use super::lines::Line;
 use super::objects::{AttributeTarget, attribute_target};
 use super::parser::parse;
-use super::pieces::{assignment, bracketed, is_name, method_call, split};
+use super::pieces::{assignment, bracketed, inside, is_name, method_call, split};
 use super::refusal::Refusal;
-use super::statement::{GROUP, Statement};
+use super::statement::{DIRECTION, GROUP, Statement};
 use crate::dialect::text::Piece;
 
 /// `name[index] = value`, or with an operator, `name[index] += value`.
@@ -112,6 +112,14 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
     }
+    if let Some(is_backward) = match piece.text.replace(' ', "").as_str() {
+        "backward()" => Some(true),
+        "forward()" => Some(false),
+        _ => None,
+    } {
+        let value = PyExpr::Number(if is_backward { 1.0 } else { 0.0 });
+        return Ok(vec![Statement::Assign(DIRECTION.to_owned(), value)]);
+    }
     if piece.text.replace(' ', "") == "Stop()" {
         return Ok(vec![Statement::Stop(piece.range())]);
     }
@@ -147,56 +155,87 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         return Ok(out);
     }
     let values = split(value);
-    if let Some(at) = names.iter().position(|name| name.text.starts_with('*')) {
-        return starred(&names, at, value, piece.range());
-    }
-    let values = match values.as_slice() {
-        several if several.len() == names.len() => several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?,
+    let values = match (names.iter().position(|name| name.text.starts_with('*')), values.as_slice()) {
+        (Some(at), _) => starred(names.len(), at, value, piece.range())?,
+        (None, several) if several.len() == names.len() => {
+            several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?
+        }
         // `x, y = list`: one name for each item.
-        [list] => match parse(*list)? {
-            PyExpr::List(items, _) if items.len() == names.len() => items,
-            PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::List(..) => return Err(refused()),
-            list => (0..names.len()).map(|k| item_of(&list, saturating_index(k), piece.range())).collect(),
-        },
+        (None, [list]) => items_for(names.len(), parse(*list)?, piece.range()).ok_or_else(refused)?,
         _ => return Err(refused()),
     };
+    let (names, values) = without_nesting(names, values, piece.range()).ok_or_else(refused)?;
     let mut out = Vec::with_capacity(values.len());
     // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
-    let reads_earlier =
-        |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name: &Piece<'_>| mentions(value, name.text));
+    let plain = |name: &Piece<'_>| name.text.trim_start_matches('*').trim().to_owned();
+    let reads_earlier = |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name| mentions(value, &plain(name)));
     if values.iter().enumerate().any(reads_earlier) {
         let waiting = |k: usize| format!("(value {k} of {})", piece.at);
         out.extend(values.into_iter().enumerate().map(|(k, value)| Statement::Assign(waiting(k), value)));
         out.extend(names.iter().enumerate().map(|(k, name)| {
             let value = PyExpr::Name(waiting(k), name.range());
-            Statement::Assign(name.text.to_owned(), value)
+            Statement::Assign(plain(name), value)
         }));
     } else {
-        out.extend(names.iter().zip(values).map(|(name, value)| Statement::Assign(name.text.to_owned(), value)));
+        out.extend(names.iter().zip(values).map(|(name, value)| Statement::Assign(plain(name), value)));
     }
     Ok(out)
 }
 
-/// `first, *rest = q`: the name behind the star takes the items that the others leave.
-fn starred(names: &[Piece<'_>], at: usize, value: Piece<'_>, place: Range<usize>) -> Result<Vec<Statement>, Refusal> {
+/// The values of this number of targets from one list; `None` for a value that has other items.
+fn items_for(count: usize, list: PyExpr, place: Range<usize>) -> Option<Vec<PyExpr>> {
+    match list {
+        PyExpr::List(items, _) => Some(items).filter(|items| items.len() == count),
+        PyExpr::Number(_) | PyExpr::Text(..) => None,
+        list => Some((0..count).map(|k| item_of(&list, saturating_index(k), place.clone())).collect()),
+    }
+}
+
+/// Targets that are names alone, with their values: `(a, b), c = p, 1` sets `a` to the first item of p. `None` where a list has other
+/// items than its targets.
+fn without_nesting(
+    names: Vec<Piece<'_>>,
+    values: Vec<PyExpr>,
+    place: Range<usize>,
+) -> Option<(Vec<Piece<'_>>, Vec<PyExpr>)> {
+    let mut out = (Vec::with_capacity(names.len()), Vec::with_capacity(names.len()));
+    // The next target is the last one.
+    let mut open: Vec<(Piece<'_>, PyExpr)> = names.into_iter().zip(values).rev().collect();
+    while let Some((target, value)) = open.pop() {
+        let parts = inside(target).map(split);
+        match parts.as_deref() {
+            None => {
+                out.0.push(target);
+                out.1.push(value);
+            }
+            // Parentheses around one name mean nothing.
+            Some([only]) => open.push((*only, value)),
+            Some(parts) => {
+                let items = items_for(parts.len(), value, place.clone())?;
+                open.extend(parts.iter().copied().zip(items).rev());
+            }
+        }
+    }
+    Some(out)
+}
+
+/// The values of `count` targets, of which the one at `at` has a star, `first, *rest = q`: it takes the items that the others leave.
+fn starred(count: usize, at: usize, value: Piece<'_>, place: Range<usize>) -> Result<Vec<PyExpr>, Refusal> {
     let list = parse(value)?;
-    let after = names.len() - at - 1;
+    let after = count - at - 1;
     let number = |k: usize| PyExpr::Number(f64::from(saturating_index(k)));
     let none = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
     let indexed = |index: PyExpr| PyExpr::Index(Box::new(list.clone()), Box::new(index), place.clone());
     let value = |k: usize| match k.cmp(&at) {
         std::cmp::Ordering::Less => indexed(number(k)),
         // Counted from the end.
-        std::cmp::Ordering::Greater => indexed(PyExpr::Neg(Box::new(number(names.len() - k)))),
+        std::cmp::Ordering::Greater => indexed(PyExpr::Neg(Box::new(number(count - k)))),
         std::cmp::Ordering::Equal => {
             let end = if after == 0 { none() } else { PyExpr::Neg(Box::new(number(after))) };
             indexed(PyExpr::Call(SLICE.to_owned(), vec![number(at), end], place.clone()))
         }
     };
-    let assign = |(k, name): (usize, &Piece<'_>)| {
-        Statement::Assign(name.text.trim_start_matches('*').trim().to_owned(), value(k))
-    };
-    Ok(names.iter().enumerate().map(assign).collect())
+    Ok((0..count).map(value).collect())
 }
 
 /// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.

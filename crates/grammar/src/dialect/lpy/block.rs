@@ -6,13 +6,14 @@ use osier_base::convert::saturating_index;
 
 use super::Model;
 use super::assignment::{assign_statement, item_of};
+use super::changed_lists::is_changing_name;
 use super::dictionary::keys_of;
 use super::emit::tested;
 use super::expression::{PyExpr, PyOp, is_dictionary, is_written_out, substitute};
 use super::functions::own_lambda;
 use super::lines::{Line, block_after};
 use super::parser::parse;
-use super::pieces::{block_colon, closing, heads_block, is_name, split, statements_of_line};
+use super::pieces::{block_colon, closing, heads_block, inside, is_name, split, statements_of_line};
 use super::refusal::{Refusal, indented_refusal, remedy_of};
 use super::resolve::resolve;
 use super::scope::{Scope, with_functions};
@@ -33,8 +34,7 @@ fn string_text(piece: Piece<'_>) -> Option<Piece<'_>> {
 
 /// The names of `x, y` or `(x, y)`.
 fn parts_of(targets: Piece<'_>) -> Vec<Piece<'_>> {
-    let inner = targets.text.strip_prefix('(').filter(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
-    split(inner.map_or(targets, |t| Piece::new(targets.at + 1, &t[..t.len() - 1])))
+    split(inside(targets).unwrap_or(targets))
 }
 
 /// `list[index]`; of `zip(list, other)` the list of both items.
@@ -66,6 +66,7 @@ impl Model<'_, '_> {
         let list = self.block(block, 0);
         let own = std::mem::replace(&mut self.own_functions, around);
         let list = list?;
+        let list = self.with_stores(list)?;
         if own.is_empty() {
             return Ok(list);
         }
@@ -73,7 +74,7 @@ impl Model<'_, '_> {
     }
 
     /// Reads the lines of a block, with the blocks nested in it. Fails if blocks are nested too deep.
-    fn block(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
+    pub(super) fn block(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
         let mut out = Vec::new();
         let mut i = 0;
         if let Some(first) = block.first().filter(|_| nesting > MAX_NESTING) {
@@ -100,6 +101,7 @@ impl Model<'_, '_> {
                     model.block(&[Line { indent: 0, piece: after }], nesting + 1)
                 }
             };
+            let start = i;
             i = next;
             let is_produce = matches!(word.text, "produce" | "nproduce");
             if let Some(inner) = inner.first().filter(|_| !is_produce && !heads_block(word.text)) {
@@ -193,7 +195,17 @@ impl Model<'_, '_> {
                     out.push(Statement::Produce(modules, word.text == "sproduce"));
                 }
                 "del" if rest.text.contains('[') => out.extend(assign_statement(piece)?),
-                "try" | "with" | "class" | "raise" | "del" | "lambda" => {
+                "try" => {
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'try' without ':'", piece.range()))?;
+                    let own = body(self, rest.from(c + 1))?;
+                    let (statements, end) = self.attempt(block, start, own, nesting)?;
+                    out.extend(statements);
+                    i = end;
+                }
+                "except" | "finally" => {
+                    return Err(Refusal::new(format!("'{}' without 'try'", word.text), piece.range()));
+                }
+                "with" | "class" | "raise" | "del" | "lambda" => {
                     let why = Refusal::new(format!("'{}' in a production", word.text), piece.range());
                     return Err(Refusal { remedy: remedy_of(word.text), ..why });
                 }
@@ -275,6 +287,7 @@ impl Model<'_, '_> {
         // A loop over a dictionary is one over its keys.
         let list = match resolve(&list, &self.scope, 0) {
             Ok(e) if is_dictionary(&e) => keys_of(list),
+            Err(_) if self.is_changing_dictionary(&list) => keys_of(list),
             _ => list,
         };
         // The number of the turn, under a name that no model has.
@@ -288,6 +301,7 @@ impl Model<'_, '_> {
         if number.is_none()
             && parts_of(target).len() == 1
             && !is_list(&item_at(&list, &index, &head.range()), &self.scope)
+            && !is_changing_name(&list, &self.scope)
         {
             return Ok(Statement::For(target.text.to_owned(), list, body, place));
         }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Model;
+use super::changed_lists::reads_changing;
 use super::expression::{PyExpr, first_call, is_change, is_written_out, of_model, size_with, substitute};
 use super::lines::{Line, block_after};
 use super::parser::{Lambda, lambda, parse};
@@ -96,6 +97,9 @@ impl FunctionValue<'_> {
                 }
                 Statement::For(name, list, body, _) => {
                     let list = self.value(&list, &names, &values)?;
+                    if reads_changing(&list, self.scope) {
+                        return Err(Refusal::new("a loop over a list that changes", self.place.clone()));
+                    }
                     let PyExpr::List(items, _) = resolve(&list, self.scope, 0)? else {
                         return Err(Refusal::new("'for' over something other than a list", self.place.clone()));
                     };
@@ -125,7 +129,11 @@ impl FunctionValue<'_> {
                     return Err(Refusal::new("'break' or 'continue' in a function with a value", place));
                 }
                 Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
-                Statement::Stop(_) | Statement::Global(_) | Statement::Produce(..) | Statement::Run(_) => {
+                Statement::Stop(_)
+                | Statement::Global(_)
+                | Statement::Produce(..)
+                | Statement::Run(_)
+                | Statement::Store(_) => {
                     return Err(Refusal::new("a function that changes the model", self.place.clone()));
                 }
             }

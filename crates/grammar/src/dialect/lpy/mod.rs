@@ -2,8 +2,10 @@
 //! production for each way through it.
 
 mod assignment;
+mod attempts;
 mod block;
 mod bounds;
+mod changed_lists;
 mod color;
 mod curve_table;
 mod curves;
@@ -47,7 +49,7 @@ use self::refusal::Refusal;
 use self::rule::arities;
 use self::run_functions::RunFunctions;
 use self::scope::{OwnFunction, Scope};
-use self::statement::{GROUP, Statement};
+use self::statement::{DIRECTION, GROUP, Statement};
 use crate::code::{Bytecode, CalledFunction, Op};
 use crate::dialect::Reader;
 use crate::dialect::text::{Piece, lines};
@@ -91,6 +93,8 @@ struct Model<'r, 's> {
     given: BTreeMap<&'static str, usize>,
     /// The statements that are read are those of the axiom: their loops are written out.
     is_in_axiom: bool,
+    /// The statements that are read are no block of a production or function: lists that these change are lists there.
+    is_outside_of_blocks: bool,
     /// Number of statements of Python that the model could not run without.
     refusals: usize,
     /// What the values of the model compute before the first step.
@@ -163,6 +167,7 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
         has_axiom: false,
         given: BTreeMap::new(),
         is_in_axiom: false,
+        is_outside_of_blocks: false,
         refusals: 0,
         start: Vec::new(),
         functions: RunFunctions::default(),
@@ -188,12 +193,18 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
         run_parameters: Vec::new(),
         direction: None,
     };
+    // Lists that change take the first slots of variables.
+    model.find_changed_lists(&list);
     if model.uses_groups {
         model.scope.global(GROUP);
     }
     // Properties of the whole text, on which the reading of its lines depends.
     model.scope.has_none = ["None", "''", "\"\"", ".get("].iter().any(|text| plain.contains(text));
     model.scope.is_backward = plain.contains("backward()");
+    model.scope.direction_changes = run_functions::changes_direction(&list);
+    if model.scope.direction_changes {
+        model.scope.global(DIRECTION);
+    }
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
@@ -288,6 +299,11 @@ impl Model<'_, '_> {
         let called = functions.iter().map(|f| {
             let code =
                 self.scope.with_tables(Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() });
+            // Loops over lists count at the place of their first call.
+            let mut code = code;
+            if code.ops.iter().any(|op| matches!(op, Op::Count(_))) {
+                code.places = vec![self.reader.place(f.place.clone())];
+            }
             CalledFunction { parameters: f.parameters, code, place: self.reader.place(f.place.clone()) }
         });
         // Nothing has set it before.
@@ -311,7 +327,7 @@ impl Model<'_, '_> {
             [self.start.clone(), self.functions.start_each.clone(), self.functions.end_each.clone()]
                 .map(|ops| (!ops.is_empty()).then(|| self.bytecode(ops)));
         let blocks = &mut self.reader.program.blocks;
-        blocks.globals = self.scope.globals.len();
+        blocks.globals = self.scope.array_slots + self.scope.globals.len();
         (blocks.start, blocks.start_each, blocks.end_each) = (start, start_each, end_each);
     }
 }

@@ -20,6 +20,9 @@ const MAX_DEPTH: usize = 200;
 /// Height of the tree of one expression, which a row of operators raises, too: what reads it calls itself for each level.
 const MAX_HEIGHT: usize = 500;
 
+/// Nesting of the names of a `for`; deeper ones are refused.
+const MAX_TARGETS: usize = 16;
+
 /// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
 const METHODS: [&str; 7] = ["index", "get", "keys", "values", "items", "copy", "format"];
 
@@ -197,18 +200,42 @@ pub(super) fn lambda(piece: Piece<'_>) -> Option<Lambda<'_>> {
     Some(Lambda { params, defaults, value })
 }
 
+/// A name that takes an item of a list, or the part of the item that these indices lead to: of `i, (a, b)` b is at 1, 1.
+struct ItemTarget {
+    name: String,
+    path: Vec<usize>,
+}
+
+impl ItemTarget {
+    /// Names that each take a part of the item; a single one takes all of it.
+    fn row(names: Vec<String>) -> Vec<Self> {
+        let is_one = names.len() == 1;
+        let target = |(k, name)| Self { name, path: if is_one { Vec::new() } else { vec![k] } };
+        names.into_iter().enumerate().map(target).collect()
+    }
+}
+
 /// `[value for name in list]`; several names take each item apart.
-fn each_item(value: PyExpr, mut names: Vec<String>, list: PyExpr, place: &Range<usize>, range: Range<usize>) -> PyExpr {
-    let (value, name) = match names.pop() {
-        Some(name) if names.is_empty() => (value, name),
-        last => {
-            names.extend(last);
+fn each_item(
+    value: PyExpr,
+    targets: Vec<ItemTarget>,
+    list: PyExpr,
+    place: &Range<usize>,
+    range: Range<usize>,
+) -> PyExpr {
+    let (value, name) = match targets.as_slice() {
+        [ItemTarget { name, path }] if path.is_empty() => (value, name.clone()),
+        _ => {
             let item = format!("(item at {})", place.start);
-            let at = |k: usize| {
-                let item = Box::new(PyExpr::Name(item.clone(), place.clone()));
-                PyExpr::Index(item, Box::new(PyExpr::Number(f64::from(saturating_index(k)))), place.clone())
+            let part = |target: &ItemTarget| {
+                let whole = PyExpr::Name(item.clone(), place.clone());
+                target.path.iter().fold(whole, |part, k| {
+                    let index = PyExpr::Number(f64::from(saturating_index(*k)));
+                    PyExpr::Index(Box::new(part), Box::new(index), place.clone())
+                })
             };
-            let parts: Vec<PyExpr> = (0..names.len()).map(at).collect();
+            let parts: Vec<PyExpr> = targets.iter().map(part).collect();
+            let names: Vec<String> = targets.into_iter().map(|target| target.name).collect();
             (substitute(&value, &names, &parts), item)
         }
     };
@@ -649,11 +676,7 @@ impl PyParser {
             return Err(Refusal::new("a list that does not end", place));
         }
         let mut names = Vec::new();
-        while names.is_empty() || self.eat(",") {
-            let Some(name) = self.word().map(str::to_owned) else { return Err(Refusal::new("'for'", place)) };
-            names.push(name);
-            self.i += 1;
-        }
+        self.targets(&[], &mut names)?;
         if !self.eat_word("in") {
             return Err(Refusal::new("'for'", place));
         }
@@ -681,6 +704,36 @@ impl PyParser {
         });
         let all = each_item(value, names, list, &place, range.clone());
         Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
+    }
+
+    /// Reads the names of `for i, (a, b) in`. `path`: where what they take apart stands in the item.
+    fn targets(&mut self, path: &[usize], out: &mut Vec<ItemTarget>) -> Result<(), Refusal> {
+        let first = out.len();
+        let mut count = 0;
+        while count == 0 || self.eat(",") {
+            let own = [path, &[count]].concat();
+            if self.eat("(") {
+                if own.len() > MAX_TARGETS {
+                    return Err(Refusal::new("names nested too deep", self.here()));
+                }
+                self.targets(&own, out)?;
+                if !self.eat(")") {
+                    return Err(Refusal::new("an unclosed '('", self.here()));
+                }
+            } else {
+                let name = self.word().map(str::to_owned).ok_or_else(|| Refusal::new("'for'", self.here()))?;
+                out.push(ItemTarget { name, path: own });
+                self.i += 1;
+            }
+            count += 1;
+        }
+        // A single target takes the whole.
+        if count == 1 {
+            for target in out.iter_mut().skip(first) {
+                target.path.remove(path.len());
+            }
+        }
+        Ok(())
     }
 
     /// The rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map` are taken
@@ -748,7 +801,7 @@ impl PyParser {
             Some(list) if lists.is_empty() => list,
             last => PyExpr::Call("zip".to_owned(), lists.into_iter().chain(last).collect(), range.clone()),
         };
-        Ok(each_item(value, names, list, &place, range))
+        Ok(each_item(value, ItemTarget::row(names), list, &place, range))
     }
 
     /// The coordinate that an attribute is, `.x`, if one follows.

@@ -68,25 +68,6 @@ impl Model<'_, '_> {
                 }
                 return next;
             }
-            "if" | "for" | "while" => {
-                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
-                let mut end = next;
-                while let Some(more) = list.get(end).filter(|more| more.indent == line.indent) {
-                    if !matches!(more.piece.first_word(&['(', ':']).0.text, "elif" | "else") {
-                        break;
-                    }
-                    end = block_after(list, end, more.indent).1;
-                }
-                let statements = self.statements(list.get(i..end).unwrap_or(&[]));
-                let is_known = statements.and_then(|statements| self.run(&statements, &range));
-                if self.settle(is_known) == Some(false) {
-                    let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
-                    self.refuse(
-                        &why.remedy("only a run knows what it does: write it into Start(), or into a production"),
-                    );
-                }
-                return end;
-            }
             // Imports that may fail; what follows an `except` runs where they do.
             "try" if rest.text == ":" && only_imports(block) => {
                 block.iter().for_each(|l| self.import(l.piece));
@@ -98,10 +79,33 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
+            "if" | "for" | "while" | "try" => {
+                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
+                let mut end = next;
+                let more_words: &[&str] =
+                    if word.text == "try" { &["except", "else", "finally"] } else { &["elif", "else"] };
+                while let Some(more) = list.get(end).filter(|more| more.indent == line.indent) {
+                    if !more_words.contains(&more.piece.first_word(&['(', ':']).0.text) {
+                        break;
+                    }
+                    end = block_after(list, end, more.indent).1;
+                }
+                self.is_outside_of_blocks = true;
+                let statements = self.statements(list.get(i..end).unwrap_or(&[]));
+                self.is_outside_of_blocks = false;
+                let is_known = statements.and_then(|statements| self.run(&statements, &range));
+                if self.settle(is_known) == Some(false) {
+                    let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
+                    self.refuse(
+                        &why.remedy("only a run knows what it does: write it into Start(), or into a production"),
+                    );
+                }
+                return end;
+            }
             // Read before; one that cannot be read is refused where an object is made.
             "class" => return next,
             "del" if rest.text.contains('[') => {}
-            "try" | "with" | "raise" | "del" => {
+            "with" | "raise" | "del" => {
                 let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
                 self.refuse(&Refusal { remedy: remedy_of(word.text), ..why });
                 return next;
@@ -165,7 +169,7 @@ impl Model<'_, '_> {
                 }
             }
             let (names, values) = (split(names), split(value));
-            if names.iter().any(|name| name.text.starts_with('*')) {
+            if names.iter().any(|name| name.text.starts_with(['*', '('])) {
                 match assign_statement(piece) {
                     Ok(statements) => {
                         for statement in statements {
@@ -258,8 +262,8 @@ impl Model<'_, '_> {
         let resolved = resolve(e, &self.scope, 0);
         if let Ok(list) = &resolved
             && (is_list_or_vector(list) || is_dictionary(list))
-            && !is_shared
-            && !has_random(list, &self.scope)
+            && (!is_shared || self.scope.changing.contains(name))
+            && (!has_random(list, &self.scope) || self.scope.changing.contains(name))
         {
             self.share_lists_of_model(name, e);
             self.scope.constants.remove(name);

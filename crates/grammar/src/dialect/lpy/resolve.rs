@@ -19,7 +19,8 @@ use super::lists::{
 };
 use super::refusal::Refusal;
 use super::scope::{RUN, RunFunction, Scope, arguments, has_random};
-use super::{curves, dictionary, lists, objects, vectors};
+use super::statement::DIRECTION;
+use super::{changed_lists, curves, dictionary, lists, objects, vectors};
 use crate::code::{Bytecode, Op};
 
 /// Calls of functions of the model within one another that are written in: a function may call itself.
@@ -55,6 +56,9 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             let name = plain_name(name);
             if let Some(why) = scope.unreadable.get(name).filter(|_| !is_local) {
                 return Err(why.clone());
+            }
+            if let Some((name, _)) = changed_lists::list_of(e, scope) {
+                return Err(changed_lists::whole_refusal(name, range.clone()));
             }
             let is_global = scope.globals.iter().any(|global| global == name);
             let known = is_local || is_global || scope.lists.contains_key(name);
@@ -141,6 +145,12 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Each(value, name, list, range) => return resolved_each(value, name, list, range, scope, depth),
         PyExpr::Index(list, index, range) => {
             let index = resolve(index, scope, depth)?;
+            if let Some((name, own)) = changed_lists::list_of(list, scope) {
+                return changed_lists::element(name, own, &index, scope, range);
+            }
+            if let Some(turn) = changed_lists::turn_item(list, &index, scope, range) {
+                return Ok(turn);
+            }
             if let PyExpr::Call(name, parts, _) = &index
                 && name == SLICE
             {
@@ -186,6 +196,9 @@ fn resolved_call(
     scope: &Scope,
     depth: usize,
 ) -> Result<PyExpr, Refusal> {
+    if let Some(of_list) = changed_lists::call(name, args, scope, range, depth) {
+        return of_list;
+    }
     let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
     if let (Some(field), [object]) = (name.strip_prefix(ATTRIBUTE), args.as_slice()) {
         return objects::attribute(object, field, range);
@@ -240,6 +253,9 @@ fn resolved_call(
         // A copy of a number, a text, a list or a vector is the same value.
         ("copy" | "deepcopy", [value]) => value.clone(),
         ("dict", _) => dictionary_of(&args, range)?,
+        ("isForward", []) if scope.direction_changes => {
+            PyExpr::Not(Box::new(PyExpr::Name(DIRECTION.to_owned(), range.clone())))
+        }
         ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
         (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
         (FLAT, [PyExpr::List(lists, _)]) => flat(lists, range)?,

@@ -8,11 +8,12 @@ use std::sync::{Arc, OnceLock};
 
 use osier_base::diagnostic::{SourceId, Span};
 
+use super::changed_lists::ChangedList;
 use super::curve_table::Curves;
 use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
 use super::param_shape::{Class, ParamShape};
 use super::refusal::Refusal;
-use crate::code::{Bytecode, CalledFunction, Op};
+use crate::code::{Bytecode, CalledFunction, ElementAccess, Op};
 use crate::token::SourcePlace;
 
 /// Prefix of the name of a call that runs the code of a function. No function of a model has such a name, as it holds a blank.
@@ -54,6 +55,15 @@ pub(super) struct Scope {
     pub has_none: bool,
     /// The model calls `backward()`.
     pub is_backward: bool,
+    /// Lists and dictionaries of the model that productions and functions change, by name.
+    pub changing: Rc<BTreeSet<String>>,
+    /// Those of them that are arrays of the machine, as blocks see them; empty until the values of the model are known.
+    pub arrays: BTreeMap<String, ChangedList>,
+    /// The arrays, in the order of their numbers. Their elements are the first global variables.
+    pub elements: Rc<Vec<ElementAccess>>,
+    pub array_slots: usize,
+    /// Its steps have different directions.
+    pub direction_changes: bool,
     /// Calls of functions in the expression that is resolved.
     pub calls: Cell<usize>,
     /// The calls within one another, or all of them, were too many.
@@ -93,7 +103,13 @@ impl Scope {
             self.globals.push(name.to_owned());
             self.globals.len() - 1
         });
-        slot_number(i)
+        slot_number(self.array_slots + i)
+    }
+
+    /// Slot of a variable of the model; `None` if it is none, or lies beyond 65,535.
+    pub fn global_slot(&self, name: &str) -> Option<u16> {
+        let i = self.globals.iter().position(|g| g == name)?;
+        u16::try_from(self.array_slots + i).ok()
     }
 
     /// Index of a function among those that run as code.
@@ -134,6 +150,10 @@ impl Scope {
             let curves = self.curves.borrow();
             code.tables = Some(curves.tables());
             code.places.extend(curves.call_places.iter().copied());
+        }
+        if code.elements.is_empty() && code.ops.iter().any(|op| matches!(op, Op::LoadElement(_) | Op::StoreElement(_)))
+        {
+            code.elements.clone_from(&self.elements);
         }
         code
     }

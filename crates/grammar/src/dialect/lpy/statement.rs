@@ -9,6 +9,9 @@ use super::strings::PyModule;
 /// Variable with the number of the group of productions that is active, which no model can name.
 pub(super) const GROUP: &str = "(group)";
 
+/// Variable that is not 0 in steps that rewrite from the end of the string, where the model changes the direction.
+pub(super) const DIRECTION: &str = "(backward)";
+
 /// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
 pub(super) const MAX_NESTING: usize = 64;
 
@@ -27,6 +30,8 @@ pub(super) enum Statement {
     While(PyExpr, Vec<Statement>, Range<usize>, u32),
     Break(Range<usize>),
     Continue(Range<usize>),
+    /// Sets an item of a list that productions change.
+    Store(Store),
     /// `Stop()`: the derivation ends after the present step.
     Stop(Range<usize>),
     /// Where a `continue` continues in a loop that is written out turn by turn.
@@ -43,6 +48,23 @@ pub(super) enum Statement {
     Pass,
 }
 
+/// A store of an item of a list that productions change.
+#[derive(Debug, Clone)]
+pub(super) struct Store {
+    pub list: String,
+    pub index: PyExpr,
+    /// An index below 0 counts from the end, and one outside of the list is reported.
+    pub is_checked: bool,
+    pub value: PyExpr,
+}
+
+impl Store {
+    /// The store with its expressions exchanged.
+    pub fn mapped(&self, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
+        Self { index: read(&self.index), value: read(&self.value), ..self.clone() }
+    }
+}
+
 impl Statement {
     /// The statement with its expressions, and those of the blocks within it, exchanged by `read`, and the names that it sets by `own`.
     pub fn mapped(&self, own: &dyn Fn(&String) -> String, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
@@ -50,6 +72,7 @@ impl Statement {
         match self {
             Self::Assign(name, e) => Self::Assign(own(name), read(e)),
             Self::Run(e) => Self::Run(read(e)),
+            Self::Store(store) => Self::Store(store.mapped(read)),
             Self::If(tests, other) => {
                 Self::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
             }
@@ -154,6 +177,7 @@ pub(super) fn call_in(s: &Statement, is_one: &dyn Fn(&str) -> bool) -> Option<Py
         Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
             of(e)
         }
+        Statement::Store(store) => of(&store.index).or_else(|| of(&store.value)),
         Statement::If(tests, _) => tests.iter().find_map(|(test, _)| of(test)),
         Statement::Produce(modules, _) => modules.iter().flat_map(|m| &m.args).find_map(of),
         _ => None,
@@ -166,6 +190,7 @@ pub(super) fn without_call(s: &Statement, call: &PyExpr, by: &PyExpr) -> Stateme
     match s {
         Statement::Assign(name, e) => Statement::Assign(name.clone(), read(e)),
         Statement::Run(e) => Statement::Run(read(e)),
+        Statement::Store(store) => Statement::Store(store.mapped(&read)),
         Statement::Return(Some(e), place) => Statement::Return(Some(read(e)), place.clone()),
         Statement::For(name, e, body, place) => Statement::For(name.clone(), read(e), body.clone(), place.clone()),
         Statement::If(tests, other) => {
@@ -184,6 +209,7 @@ fn append_expressions<'s>(statements: &'s [Statement], out: &mut Vec<&'s PyExpr>
     for s in statements {
         match s {
             Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) => out.push(e),
+            Statement::Store(store) => out.extend([&store.index, &store.value]),
             Statement::If(tests, other) => {
                 for (test, then) in tests {
                     out.push(test);
@@ -241,6 +267,16 @@ pub(super) fn changes(statements: &[Statement], name: &str) -> bool {
         Statement::Assign(own, e) => own == name && is_change(e),
         Statement::If(tests, other) => tests.iter().any(|(_, then)| changes(then, name)) || changes(other, name),
         Statement::For(_, _, body, _) | Statement::While(_, body, ..) => changes(body, name),
+        _ => false,
+    })
+}
+
+/// True if statements set items of lists that productions change.
+pub(super) fn stores(statements: &[Statement]) -> bool {
+    statements.iter().any(|s| match s {
+        Statement::Store(_) => true,
+        Statement::If(tests, other) => tests.iter().any(|(_, then)| stores(then)) || stores(other),
+        Statement::For(_, _, body, _) | Statement::While(_, body, ..) => stores(body),
         _ => false,
     })
 }

@@ -13,7 +13,9 @@ use super::resolve::{compile, is_list_or_vector, may_be_list, resolve};
 use super::scope::{Scope, arguments, has_random};
 use super::shapes::spread;
 use super::shared_lists::HandedOn;
-use super::statement::{Statement, call_in, changes, names_of, read_name, renamed, with_lists, without_call};
+use super::statement::{
+    Statement, Store, call_in, changes, names_of, read_name, renamed, stores, with_lists, without_call,
+};
 use super::strings::PyModule;
 use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way, with_known};
 use crate::code::is_zero;
@@ -70,6 +72,7 @@ fn always_reads(e: &PyExpr, part: &PyExpr) -> bool {
 /// Refuses a call of a function that changes values of the model where only a test decides on the call: it is run before the statement.
 fn check_change_of_values(s: &Statement, call: &PyExpr, function: &str, place: &Range<usize>) -> Result<(), Refusal> {
     let is_run = match s {
+        Statement::Store(store) => always_reads(&store.value, call) || always_reads(&store.index, call),
         Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
             always_reads(e, call)
         }
@@ -180,6 +183,7 @@ impl Model<'_, '_> {
                 return Err(no_value(&function, place));
             }
             Statement::Assign(name, e) => self.assign(name, e, &handed_on, &mut now),
+            Statement::Store(store) => self.store(store, &mut now)?,
             Statement::Produce(modules, ends) => {
                 self.produce(&mut now.way, &modules, ends);
                 if ends {
@@ -245,6 +249,39 @@ impl Model<'_, '_> {
         now.way.known.insert(name.clone(), value);
         now.way.bounds.assign(&name, &e, &self.scope);
         now.way.steps.push(Step::Assign(name, e));
+    }
+
+    /// Sets an item of a list that productions change.
+    fn store(&mut self, store: Store, now: &mut OpenWay) -> Result<(), Refusal> {
+        let value = &store.value;
+        if self.list_of(value, &now.way).is_some() || is_dictionary(value) || is_joined_text(value) {
+            let list = &store.list;
+            let why =
+                format!("something other than a number as an item of the list '{list}', which productions change");
+            let why = Refusal::new(why, range_of(value));
+            return Err(why.remedy("keep each coordinate of points in a list of its own"));
+        }
+        // Index and value are taken now, as those of assignments are.
+        let is_plain = |e: &PyExpr| matches!(e, PyExpr::Number(_) | PyExpr::Name(..) | PyExpr::Text(..));
+        let mut taken = Vec::new();
+        let mut kept = |e: PyExpr| {
+            if is_plain(&e) {
+                return e;
+            }
+            let (name, range) = (format!("(stored {})", self.temporaries), range_of(&e));
+            self.temporaries += 1;
+            taken.push(Statement::Assign(name.clone(), e));
+            PyExpr::Name(name, range)
+        };
+        let (index, value) = (kept(store.index), kept(store.value));
+        let store = Store { index, value, ..store };
+        if taken.is_empty() {
+            now.way.steps.push(Step::Store(store));
+        } else {
+            taken.push(Statement::Store(store));
+            now.run_next(taken);
+        }
+        Ok(())
     }
 
     /// The choice between lists or dictionaries that an index which is not known gives, and the assignment of the index to a variable of
@@ -323,7 +360,7 @@ impl Model<'_, '_> {
         let (mut names, globals) = names_of(&body);
         // Variables of the model that the function changes keep their names.
         names.retain(|name| !globals.contains(name));
-        if !globals.is_empty() {
+        if !globals.is_empty() || stores(&body) {
             check_change_of_values(s, &call, function, place)?;
             check_own_names(&globals, function, place, way, left)?;
         }
