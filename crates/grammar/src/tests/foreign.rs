@@ -1045,10 +1045,10 @@ fn objects_of_lpy_are_numbers_for_their_attributes() {
         let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
         assert!(said.contains("L007") && said.contains(why), "{rules}: {said}");
     }
-    let other = "class S:\n  def __init__(self):\n    self.a = 1\n  def grow(self):\n    self.a += 1\nAxiom: A(S())\nproduction:\nA(s) --> A(s)\nendlsystem\n";
+    let other = "class S:\n  def __init__(self):\n    self.a = 1\n  def __add__(self, other):\n    self.a += 1\nAxiom: A(S())\nproduction:\nA(s) --> A(s)\nendlsystem\n";
     let said = try_read(other).err().map_or_else(String::new, |e| e.to_string());
     assert!(
-        said.contains("L007") && said.contains("the function 'S' (line 4: the function 'grow' of a class)"),
+        said.contains("L007") && said.contains("the function 'S' (line 4: the function '__add__' of a class)"),
         "{said}"
     );
 }
@@ -1894,14 +1894,18 @@ fn productions_of_lpy_may_change_lists_of_the_model() {
     assert_eq!(lpy(ages), "F(1,2,2,6101)F(2,3,3,9103)A(1)F(2,3,3,8103)F(4,3,3,11103)A(2)");
     // What arrays of numbers cannot hold, and changes that they do not have.
     for (block, why) in [
-        ("  q.append((i, 2))\n  produce A(i)\n", "something other than a number as an item of the list 'q'"),
+        ("  q.append((i, 2))\n  produce A(i)\n", "a list as an item of the list 'q'"),
+        ("  q[0] = d\n  produce A(i)\n", "a dictionary '{..}' where a number is expected"),
+        ("  q[0][i] = 2\n  produce A(i)\n", "a change of an item within a list of lists"),
         ("  q[0] = i\n  produce A(i)\np = q\n", "which has two names"),
         ("  q.insert(0, i)\n  produce A(i)\n", "'insert' of the list 'q'"),
         ("  q[0] = i\n  produce A(q)\n", "the list 'q', which productions change, as a whole"),
         ("  q[0] = i\n  produce A(q[random()])\n", "a random number as an index"),
         ("  for k in range(int(i)): q[k] = 1\n  if i > 0: produce A(1)\n", "a test behind a loop that changes a list"),
     ] {
-        let said = lpy_refusal(&format!("q = [1, 2]\nAxiom: A(0)\nderivation length: 1\nproduction:\nA(i):\n{block}"));
+        let said = lpy_refusal(&format!(
+            "q = [1, 2]\nd = {{'a': 1}}\nAxiom: A(0)\nderivation length: 1\nproduction:\nA(i):\n{block}"
+        ));
         assert!(said.contains("L007") && said.contains(why), "{block}: {said}");
     }
     // An index outside of the list is reported, and nothing is set.
@@ -1910,4 +1914,46 @@ fn productions_of_lpy_may_change_lists_of_the_model() {
     let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
     assert_eq!(g.print(&d.modules), "A(3)F(0)F(5)F(5)");
     assert!(d.warnings.iter().any(|w| w.code == "L026" && w.message.contains("'q'")), "{:?}", d.warnings);
+}
+
+#[test]
+fn productions_of_lpy_may_change_lists_of_lists_and_of_points() {
+    // grid[i][j] is i*j. Steps 1 and 2 make 1 and 2 of grid[i][1]; then 3 and 4.
+    let model = "grid = [[0]*5 for i in range(4)]\npoints = []\npairs = [(1, 2)]\ndef mark(i, j):\n  grid[i][j] += 1\n  return i\n\
+                 def addpoint(p):\n  points.append(p)\ndef height():\n  m = 0\n  for p in points:\n    m = max(m, p.z)\n  return m\n\
+                 def Start():\n  for i in range(4):\n    for j in range(5):\n      grid[i][j] = i*j\n\
+                 Axiom: A(0,0)\nderivation length: 4\nproduction:\nA(i,j):\n  mark(i,j+1)\n  points.append(Vector3(i,j,10*i))\n  \
+                 addpoint((i,i,i))\n  pairs[0] = (i, 7)\n  pairs.append((i, grid[i][j+1]))\n  a, b = pairs[-1]\n  \
+                 if grid[i][j+1] > 2 and i < 4:\n    \
+                 produce F(a,b,height(),points[-2].z,len(points),pairs[0][1],grid[1][4],grid[-1][j]) A(i+1,j)\n  \
+                 produce G(grid[i][j+1]) A(i+1,j)\n";
+    assert_eq!(lpy(model), "G(1)G(2)F(2,3,20,20,6,7,4,0)F(3,4,30,30,8,7,4,0)A(4,0)");
+}
+
+#[test]
+fn classes_of_lpy_may_have_methods() {
+    // 4 * 0.5 * 2 = 4, which makes the bud dormant; then 5.
+    let model = "light = 0.5\nclass Bud:\n  def __init__(self, vigor, dormant=False):\n    self.vigor = vigor\n    self.dormant = dormant\n  \
+                 def grow(self, k=2):\n    return self.vigor*light*k\n  def set(self, v):\n    if v > 3:\n      self.dormant = True\n    self.vigor = v\n  \
+                 def step(self):\n    self.set(self.vigor + 1)\n    return self.vigor\nmodule B, N\nAxiom: B(Bud(4.0)) N(Bud(1).grow(8))\n\
+                 derivation length: 2\nproduction:\nB(b):\n  if b.dormant: produce B(b)\n  v = b.grow()\n  b.set(v)\n  w = b.step()\n  \
+                 produce F(v,w)[+B(Bud(v*0.5, True))]B(b)\n";
+    assert_eq!(lpy(model), "F(4,5)[+B(2,1)]B(5,1)N(4)");
+    // An object with two holders, a method that two classes have, and one that none has.
+    let said = lpy_refusal(&model.replace("]B(b)\n", "]B(b)B(b)\n"));
+    assert!(said.contains("L007") && said.contains("the object 'b' in two places"), "{said}");
+    let said = lpy_refusal(&model.replace("b.grow()", "b.shrink()"));
+    assert!(said.contains("L007") && said.contains("the method 'shrink'"), "{said}");
+    let second = "class Leaf:\n  def __init__(self):\n    self.vigor = 1\n  def grow(self):\n    return 2\nlight = 0.5";
+    let said = lpy_refusal(&model.replacen("light = 0.5", second, 1));
+    assert!(said.contains("L007") && said.contains("two classes have a method of this name"), "{said}");
+}
+
+#[test]
+fn functions_of_lpy_may_change_the_lists_that_they_are_given() {
+    // fill: 7, 3, 2, 1. walk: 1, 4, 9, each behind those of the call within it.
+    let model = "def fill(q, n):\n  q.append(n)\n  if n > 1:\n    fill(q, n-1)\ndef walk(n, out=None):\n  if out is None: out = []\n  \
+                 if n > 0:\n    walk(n-1, out)\n    out.append(n*n)\n  return out\nsizes = walk(2)\nAxiom: A(1)\nderivation length: 1\n\
+                 production:\nA(x):\n  p = [7]\n  fill(p, 3)\n  r = walk(3)\n  produce B(len(p),p[1],p[3]) C(*r) D(sizes[1])\n";
+    assert_eq!(lpy(model), "B(4,3,1)C(1,4,9)D(4)");
 }

@@ -1,17 +1,20 @@
 //! Reads assignments, and changes of lists, which are assignments of the lists that they leave.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
 use super::expression::{
-    ATTRIBUTE, ListChange, NOTHING, OPERATORS, PyExpr, PyOp, SLICE, is_joined_text, joined_text_refusal, mentions,
+    ATTRIBUTE, ListChange, METHOD, NOTHING, OPERATORS, PyExpr, PyOp, SLICE, first_call, is_joined_text,
+    joined_text_refusal, mentions,
 };
 use super::lines::Line;
 use super::objects::{AttributeTarget, attribute_target};
 use super::parser::parse;
 use super::pieces::{assignment, bracketed, inside, is_name, method_call, split};
 use super::refusal::Refusal;
+use super::scope::Scope;
 use super::statement::{DIRECTION, GROUP, Statement};
 use crate::dialect::text::Piece;
 
@@ -19,7 +22,9 @@ use crate::dialect::text::Piece;
 struct ItemChange<'t> {
     name: Piece<'t>,
     index: Piece<'t>,
-    /// More brackets follow, `name[index][1] = value`.
+    /// The second index of `name[index][1] = value`.
+    column: Option<Piece<'t>>,
+    /// More than two.
     is_nested: bool,
     op: Option<PyOp>,
     value: Piece<'t>,
@@ -33,6 +38,11 @@ impl<'t> ItemChange<'t> {
             return None;
         }
         let (index, mut rest) = bracketed(piece.from(open))?;
+        let mut column = None;
+        if rest.text.starts_with('[') {
+            let (second, after) = bracketed(rest)?;
+            (column, rest) = (Some(second), after);
+        }
         let is_nested = rest.text.starts_with('[');
         while rest.text.starts_with('[') {
             rest = bracketed(rest)?.1;
@@ -41,8 +51,14 @@ impl<'t> ItemChange<'t> {
         let is_set = rest.text.starts_with('=') && !rest.text.starts_with("==");
         let length = op.map_or(1, |(sign, _)| sign.len());
         let value = rest.from(length).trimmed();
-        (op.is_some() || is_set).then_some(Self { name, index, is_nested, op: op.map(|(_, op)| op), value })
+        (op.is_some() || is_set).then_some(Self { name, index, column, is_nested, op: op.map(|(_, op)| op), value })
     }
+}
+
+/// The refusal of a change of an item within a list of lists.
+pub(super) fn nested_change(range: Range<usize>) -> Refusal {
+    let why = Refusal::new("a change of an item within a list of lists", range);
+    why.remedy("change the inner list under a name of its own, then set the whole item: q[0] = p")
 }
 
 /// The assignments, of names and values, that a line makes which changes a list; `None` for any other line.
@@ -88,11 +104,18 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
     }
     let Some(item) = ItemChange::new(piece) else { return Ok(None) };
     if item.is_nested {
-        let why = Refusal::new("a change of an item within a list of lists", piece.range());
-        return Err(why.remedy("change the inner list under a name of its own, then set the whole item: q[0] = p"));
+        return Err(nested_change(piece.range()));
     }
-    let (index, value) = (parse(item.index)?, parse(item.value)?);
-    let old = || Box::new(PyExpr::Index(Box::new(named(item.name)), Box::new(index.clone()), piece.range()));
+    let (mut index, value) = (parse(item.index)?, parse(item.value)?);
+    let at = |list: PyExpr, index: &PyExpr| PyExpr::Index(Box::new(list), Box::new(index.clone()), piece.range());
+    let mut read = at(named(item.name), &index);
+    // Both indices of an item of a list of lists.
+    if let Some(column) = item.column {
+        let column = parse(column)?;
+        read = at(read, &column);
+        index = PyExpr::List(vec![index, column], piece.range());
+    }
+    let old = || Box::new(read.clone());
     let value = item.op.map_or_else(|| value.clone(), |op| PyExpr::Binary(op, old(), Box::new(value.clone())));
     Ok(Some(vec![changed(item.name, ListChange::Set, vec![index, value])]))
 }
@@ -239,12 +262,21 @@ fn starred(count: usize, at: usize, value: Piece<'_>, place: Range<usize>) -> Re
 }
 
 /// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
-pub(super) fn unreadable_assignment<'t>(line: &Line<'t>) -> Option<(&'t str, Refusal)> {
+/// `scope` knows the functions of the model, `defined` their names.
+pub(super) fn unreadable_assignment<'t>(
+    line: &Line<'t>,
+    scope: &Scope,
+    defined: &BTreeSet<String>,
+) -> Option<(&'t str, Refusal)> {
     let (names, value) = assignment(line.piece)?;
+    let is_unknown = |name: &str| name.starts_with(METHOD) && !defined.contains(name);
     let why = match parse(value) {
         Err(why) => why,
         Ok(e) if is_joined_text(&e) => joined_text_refusal(value.range()),
-        Ok(_) => return None,
+        Ok(e) => match first_call(&e, &is_unknown)? {
+            PyExpr::Call(name, _, range) => scope.refused_call(name, range.clone()),
+            _ => return None,
+        },
     };
     (split(names).len() == 1).then_some((names.text, why))
 }

@@ -9,7 +9,7 @@ use super::assignment::{assign_statement, item_of};
 use super::changed_lists::is_changing_name;
 use super::dictionary::keys_of;
 use super::emit::tested;
-use super::expression::{PyExpr, PyOp, is_dictionary, is_written_out, substitute};
+use super::expression::{METHOD, PyExpr, PyOp, is_dictionary, is_written_out, substitute};
 use super::functions::own_lambda;
 use super::lines::{Line, block_after};
 use super::parser::parse;
@@ -17,7 +17,7 @@ use super::pieces::{block_colon, closing, heads_block, inside, is_name, split, s
 use super::refusal::{Refusal, indented_refusal, remedy_of};
 use super::resolve::resolve;
 use super::scope::{Scope, with_functions};
-use super::statement::{MAX_NESTING, Statement, assigned, noting_breaks, replaced};
+use super::statement::{MAX_NESTING, Statement, assigned, noting_breaks, replaced, stores};
 use super::strings::{PyModule, listed_modules, modules};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
@@ -238,7 +238,9 @@ impl Model<'_, '_> {
     /// The call of a function of the model that a line is; `None` for any other line.
     fn run_of(&self, word: Piece<'_>, rest: Piece<'_>, piece: Piece<'_>) -> Result<Option<PyExpr>, Refusal> {
         let is_call = rest.text.strip_prefix('(').is_some_and(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
-        if !is_call || !self.defined.contains(word.text) {
+        // `p.grow(2)`
+        let method = word.text.split_once('.').map(|(_, method)| format!("{METHOD}{method}"));
+        if !is_call || !self.defined.contains(method.as_deref().unwrap_or(word.text)) {
             return Ok(None);
         }
         parse(piece).map(Some)
@@ -329,7 +331,7 @@ impl Model<'_, '_> {
                 continue;
             }
             let name = parts.first().filter(|p| is_name(p.text)).ok_or_else(refused)?.text.to_owned();
-            if is_list(&value, &self.scope) {
+            if is_list(&value, &self.scope) || (is_changing_name(&list, &self.scope) && !stores(&body)) {
                 // A list is no value of a variable: it stands where the name is read.
                 let (mut names, mut globals) = (Vec::new(), Vec::new());
                 assigned(&body, &mut names, &mut globals);

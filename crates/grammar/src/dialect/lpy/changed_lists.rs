@@ -1,22 +1,23 @@
 //! Lists and dictionaries of the model that productions and functions change: arrays of the machine, which hold numbers. Outside of
 //! blocks, and in the axiom, they are lists as others are; productions see what the model has made of them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::rc::Rc;
 
 use osier_base::convert::saturating_index;
 
 use super::Model;
-use super::assignment::change_of;
+use super::assignment::{change_of, nested_change};
 use super::emit::{append_code, constant_of};
 use super::expression::{DICTIONARY, IN, ListChange, PyExpr, PyOp, SLICE, is_nothing, plain_name, range_of};
 use super::lines::{Line, block_after};
 use super::pieces::{assignment, block_colon, heads_block, is_name, split, statements_of_line};
 use super::refusal::Refusal;
-use super::resolve::{compile, resolve};
+use super::resolve::{compile, may_be_list, resolve};
 use super::scope::{RUN, RunFunction, Scope, has_random};
 use super::statement::{Statement, Store};
+use super::vectors::{coordinates_of, dimension, vector};
 use crate::code::{ArrayShape, BinaryOp, ElementAccess, Op};
 
 /// Elements of all lists that change, of which each has the same share. Variables of the model need slots, too, of which there are
@@ -38,6 +39,40 @@ pub(super) struct ChangedList {
     pub number: usize,
     /// Of a dictionary the array of its keys, in the order of its values; `None`: a list.
     pub keys: Option<usize>,
+    /// What its items are where these are lists or vectors, whose numbers are elements one after the other.
+    pub row: Option<Row>,
+}
+
+/// Lists or vectors as items of a list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Row {
+    /// How many numbers each has.
+    pub width: usize,
+    pub is_vector: bool,
+}
+
+impl Row {
+    /// What an expression is, which need not be resolved; `None` for one that may be a number.
+    fn of(e: &PyExpr) -> Option<Self> {
+        match e {
+            PyExpr::List(items, _) if !items.is_empty() => Some(Self { width: items.len(), is_vector: false }),
+            PyExpr::Call(name, ..) => dimension(name).map(|width| Self { width, is_vector: true }),
+            _ => None,
+        }
+    }
+
+    /// The list or vector of such items.
+    fn value(self, items: Vec<PyExpr>, range: Range<usize>) -> PyExpr {
+        if self.is_vector { vector(items, range) } else { PyExpr::List(items, range) }
+    }
+}
+
+/// The numbers of a resolved list or vector.
+fn numbers_of(e: &PyExpr) -> Option<&[PyExpr]> {
+    match e {
+        PyExpr::List(items, _) => Some(items),
+        other => coordinates_of(other),
+    }
 }
 
 /// Name of the variable that holds the length of such a list.
@@ -56,7 +91,13 @@ fn has_word(text: &str, word: &str) -> bool {
 }
 
 /// Names that some block sets or has as a parameter, and those that it changes as lists.
-fn names_of_block(head: &str, block: &[Line<'_>], own: &mut BTreeSet<String>, changed: &mut BTreeSet<String>) {
+fn names_of_block(
+    head: &str,
+    block: &[Line<'_>],
+    own: &mut BTreeSet<String>,
+    changed: &mut BTreeSet<String>,
+    rows: &mut BTreeMap<String, Row>,
+) {
     let mut global: BTreeSet<String> = BTreeSet::new();
     let (mut set, mut altered) = (BTreeSet::new(), BTreeSet::new());
     // A statement may stand behind the heading of a block on its line.
@@ -73,6 +114,13 @@ fn names_of_block(head: &str, block: &[Line<'_>], own: &mut BTreeSet<String>, ch
         }
         match change_of(part) {
             Ok(Some(changes)) => {
+                for (name, e) in &changes {
+                    if let PyExpr::Change(ListChange::Append | ListChange::Set, args, _) = e
+                        && let Some(row) = args.last().and_then(Row::of)
+                    {
+                        rows.insert(name.clone(), row);
+                    }
+                }
                 let of_list = changes.into_iter().filter(|(_, e)| matches!(e, PyExpr::Change(..)));
                 altered.extend(of_list.map(|(name, _)| name));
             }
@@ -112,7 +160,7 @@ impl Model<'_, '_> {
                 let after = c.map_or(rest.from(rest.text.len()), |c| rest.from(c + 1).trimmed());
                 let inline = [Line { indent: 1, piece: after }];
                 let lines = if block.is_empty() && !line.piece.text.contains("-->") { &inline } else { block };
-                names_of_block(head.text, lines, &mut own, &mut changed);
+                names_of_block(head.text, lines, &mut own, &mut changed, &mut self.scope.rows);
             } else if let Some((names, _)) = assignment(line.piece) {
                 made.extend(split(names).iter().filter(|n| is_name(n.text)).map(|n| n.text.to_owned()));
             }
@@ -174,6 +222,20 @@ impl Model<'_, '_> {
                 continue;
             }
             let is_list = keys.is_empty();
+            // Rows of numbers, one after the other.
+            let known = self.scope.rows.get(&name).copied();
+            let row = items.first().map_or(known, Row::of);
+            let length = items.len();
+            let is_row = |item: &PyExpr| Row::of(item) == row;
+            if row.is_some() && (keys_number.is_some() || !items.iter().all(is_row)) {
+                let why = format!("the list '{name}', which productions change, with items of several kinds");
+                self.refuse(&Refusal::new(why, range).remedy("give all of its lists one length"));
+                continue;
+            }
+            let items: Vec<PyExpr> = match row {
+                Some(_) => items.iter().filter_map(numbers_of).flatten().cloned().collect(),
+                None => items,
+            };
             if items.len() > most || (!is_list && keys_number.is_none()) {
                 let what = if is_list { format!("more than {most} items") } else { "another kind of value".to_owned() };
                 let why = Refusal::new(format!("the list '{name}', which productions change, with {what}"), range);
@@ -195,11 +257,11 @@ impl Model<'_, '_> {
                 }
             }
             let slot = self.scope.global(&length_name(&name));
-            self.start.extend([Op::Const(f64::from(saturating_index(items.len()))), Op::StoreGlobal(slot)]);
+            self.start.extend([Op::Const(f64::from(saturating_index(length))), Op::StoreGlobal(slot)]);
             if let Some(number) = keys_number {
-                self.scope.arrays.insert(keys_name(&name), ChangedList { number, keys: None });
+                self.scope.arrays.insert(keys_name(&name), ChangedList { number, keys: None, row: None });
             }
-            self.scope.arrays.insert(name, ChangedList { number, keys: keys_number });
+            self.scope.arrays.insert(name, ChangedList { number, keys: keys_number, row });
         }
     }
 
@@ -211,15 +273,52 @@ impl Model<'_, '_> {
     /// Where a statement sets an item of such a list.
     pub(super) fn position_of(&self, store: &Store) -> Result<PyExpr, Refusal> {
         let index = resolve(&store.index, &self.scope, 0)?;
-        match self.scope.arrays.get(&store.list).filter(|_| store.is_checked) {
-            Some(list) => position(&store.list, list, &index, &self.scope, &range_of(&index)),
-            None => Ok(index),
+        let range = range_of(&index);
+        let Some(list) = self.scope.arrays.get(&store.list) else { return Ok(index) };
+        let checked = |index: &PyExpr| -> Result<PyExpr, Refusal> {
+            if store.is_checked { position(&store.list, list, index, &self.scope, &range) } else { Ok(index.clone()) }
+        };
+        match (&index, list.row) {
+            (PyExpr::List(both, _), Some(row)) => match both.as_slice() {
+                [at, column] => Ok(cell(&checked(at)?, column, row, &self.scope)),
+                _ => Err(nested_change(range)),
+            },
+            (PyExpr::List(..), None) => Err(nested_change(range)),
+            (_, None) => checked(&index),
+            (_, Some(_)) => {
+                let why = format!("a number as an item of the list '{}', which holds lists", store.list);
+                Err(Refusal::new(why, range).remedy("give all of its items one length: q.append([x])"))
+            }
         }
+    }
+
+    /// The stores of the numbers of a list or vector, which is an item of a list; `None` for a store of a number.
+    pub(super) fn row_stores(&self, store: &Store, value: &PyExpr) -> Result<Option<Vec<Store>>, Refusal> {
+        let Some(items) = numbers_of(value) else { return Ok(None) };
+        let row = self.scope.arrays.get(&store.list).and_then(|list| list.row);
+        if row.is_none_or(|row| row.width != items.len()) || matches!(store.index, PyExpr::List(..)) {
+            let list = &store.list;
+            let why = format!("a list as an item of the list '{list}', which productions change, beside other items");
+            let why = Refusal::new(why, range_of(value));
+            return Err(why.remedy("give all of its items one length, and write one of them out: q.append([x, y])"));
+        }
+        let column = |(k, value): (usize, &PyExpr)| {
+            let k = PyExpr::Number(f64::from(saturating_index(k)));
+            let index = PyExpr::List(vec![store.index.clone(), k], range_of(value));
+            Store { index, value: value.clone(), ..store.clone() }
+        };
+        Ok(Some(items.iter().enumerate().map(column).collect()))
     }
 
     /// Appends a store that nothing takes back.
     pub(super) fn plain_store(&self, store: &Store, ops: &mut Vec<Op>) -> Result<(), Refusal> {
         let Some(list) = self.scope.arrays.get(&store.list) else { return Ok(()) };
+        if may_be_list(&store.value, &self.scope)
+            && let Ok(value) = resolve(&store.value, &self.scope, 0)
+            && let Some(stores) = self.row_stores(store, &value)?
+        {
+            return stores.iter().try_for_each(|store| self.plain_store(store, ops));
+        }
         append_code(ops, &compile(&self.position_of(store)?, &self.scope)?.ops);
         append_code(ops, &compile(&store.value, &self.scope)?.ops);
         ops.push(Op::StoreElement(list.number));
@@ -327,7 +426,9 @@ impl Model<'_, '_> {
                     set_length(left, out);
                 }
                 // The items behind the one that is taken out move by one.
-                (ListChange::Pop, [_, from @ PyExpr::Number(n)]) if *n >= 0.0 => {
+                (ListChange::Pop, [_, from @ PyExpr::Number(n)])
+                    if *n >= 0.0 && !self.scope.rows.contains_key(name) =>
+                {
                     let count = format!("(moved {})", place.start);
                     let at = PyExpr::Name(count.clone(), place.clone());
                     let next = PyExpr::Binary(PyOp::Add, Box::new(at.clone()), Box::new(PyExpr::Number(1.0)));
@@ -453,6 +554,42 @@ pub(super) fn turn_item(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Ra
     })
 }
 
+/// The element of a column of the row at a position. A column outside of the row is at -1, which the machine reports.
+fn cell(at: &PyExpr, column: &PyExpr, row: Row, scope: &Scope) -> PyExpr {
+    let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
+    let width = PyExpr::Number(f64::from(saturating_index(row.width)));
+    let known = constant_of(column, scope);
+    let column = match known {
+        Some(k) if k < 0.0 => two(PyOp::Add, width.clone(), column.clone()),
+        _ => column.clone(),
+    };
+    let index = two(PyOp::Add, two(PyOp::Mul, at.clone(), width.clone()), column.clone());
+    let has = |a: PyExpr, b: PyExpr| two(PyOp::Le, a, b);
+    // A row that is not there is at -1, its columns below 0.
+    let least = has(PyExpr::Number(0.0), column.clone());
+    let within = PyExpr::And(Box::new(least), Box::new(two(PyOp::Lt, column, width)));
+    PyExpr::Choice(Box::new(within), Box::new(index), Box::new(PyExpr::Number(-1.0)))
+}
+
+/// The item of a column of a row of such a list, `q[i][j]`, by resolved indices; `None` for any other.
+pub(super) fn item_of_row(
+    list: &PyExpr,
+    column: &PyExpr,
+    scope: &Scope,
+    depth: usize,
+) -> Option<Result<PyExpr, Refusal>> {
+    let PyExpr::Index(list, index, range) = list else { return None };
+    let (name, own) = list_of(list, scope)?;
+    let row = own.row?;
+    if has_random(column, scope) {
+        return None;
+    }
+    Some(resolve(index, scope, depth).and_then(|index| {
+        let at = position(name, own, &index, scope, range)?;
+        Ok(PyExpr::Call(format!("{ELEMENT}{name}"), vec![cell(&at, column, row, scope)], range.clone()))
+    }))
+}
+
 /// An element of such a list, by a resolved index.
 pub(super) fn element(
     name: &str,
@@ -466,7 +603,10 @@ pub(super) fn element(
         return Err(why.remedy("read its items: [q[i] for i in range(3)]"));
     }
     let at = position(name, list, index, scope, range)?;
-    Ok(PyExpr::Call(format!("{ELEMENT}{name}"), vec![at], range.clone()))
+    let of = |at: PyExpr| PyExpr::Call(format!("{ELEMENT}{name}"), vec![at], range.clone());
+    let Some(row) = list.row else { return Ok(of(at)) };
+    let column = |k: usize| of(cell(&at, &PyExpr::Number(f64::from(saturating_index(k))), row, scope));
+    Ok(row.value((0..row.width).map(column).collect(), range.clone()))
 }
 
 /// What a call gives of such a list, the first argument but for `in`; `None` for any other call.
@@ -491,6 +631,9 @@ pub(super) fn call(
     let resolved = |k: usize| resolve(args.get(k).unwrap_or(&PyExpr::Number(0.0)), scope, depth);
     let at_least_zero = |at: &PyExpr| PyExpr::Binary(PyOp::Ge, Box::new(at.clone()), Box::new(zero()));
     let all = |search: Search| run(search, name, list.number, vec![zero(), zero(), length()], scope, range);
+    if list.row.is_some() && !matches!(function, "len" | "bool") {
+        return Some(Err(whole_refusal(name, range.clone())));
+    }
     Some(match (function, list.keys, args.len()) {
         ("len", _, 1) => Ok(length()),
         ("bool", _, 1) => Ok(PyExpr::Binary(PyOp::Gt, Box::new(length()), Box::new(zero()))),

@@ -150,6 +150,9 @@ pub(super) const OBJECT: &str = "(object)";
 /// Prefix of the name of the call that stands for an attribute, `p.age` as `(.)age` of p.
 pub(super) const ATTRIBUTE: &str = "(.)";
 
+/// Prefix of the name of the call of a method of a class of the model, `p.grow(2)` as `(method) grow` of p and 2.
+pub(super) const METHOD: &str = "(method) ";
+
 /// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
 pub(super) const DICTIONARY: &str = "{..}";
 

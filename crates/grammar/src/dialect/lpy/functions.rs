@@ -166,6 +166,11 @@ impl Model<'_, '_> {
     /// that L-Py calls become blocks.
     pub(super) fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
+        self.function_named(name, rest, block, range);
+    }
+
+    /// As [`Self::function`], under another name than that of the text.
+    pub(super) fn function_named(&mut self, name: String, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         // A function that rules call: its body stands after the colon or in the block.
         let Some(FunctionHead { params, body }) = function_head(rest) else { return };
         let defaults: Vec<Option<PyExpr>> =
@@ -237,7 +242,7 @@ impl Model<'_, '_> {
             // Values of parameters are those where the function is defined.
             let defaults = self.scope.defaults.get(&name).cloned().unwrap_or_default();
             self.scope.functions.remove(&name);
-            self.function(rest, block, &line.piece.range());
+            self.function_named(name.clone(), rest, block, &line.piece.range());
             self.scope.defaults.insert(name, defaults);
         }
     }

@@ -5,8 +5,8 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::expression::{
-    ATTRIBUTE, DICTIONARY, FLAT, IN, JOINED_TEXT, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, is_joined_text, is_none,
-    range_of, substitute, text_number, text_refusal,
+    ATTRIBUTE, DICTIONARY, FLAT, IN, JOINED_TEXT, METHOD, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, is_joined_text,
+    is_none, range_of, substitute, text_number, text_refusal,
 };
 use super::lines::{JOINED, masked};
 use super::pieces::{assignment, colon, split};
@@ -621,6 +621,11 @@ impl PyParser {
                         name.as_str(),
                         "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m" | "pgl" | "copy"
                     );
+                    if !is_module && let Some(method) = self.called_method() {
+                        let object = PyExpr::Name(name, t.range.clone());
+                        let call = self.method_call(method, object, t.range)?;
+                        return self.indexed(call);
+                    }
                     if !is_module && let Some(field) = self.attribute() {
                         let object = PyExpr::Name(name, t.range.clone());
                         return self.indexed(PyExpr::Call(field, vec![object], t.range));
@@ -826,6 +831,34 @@ impl PyParser {
         Some(name)
     }
 
+    /// The method of a class of the model whose call follows.
+    fn called_method(&self) -> Option<String> {
+        match self.tokens.get(self.i..)? {
+            [
+                PyToken { kind: PyTokenKind::Sign("."), .. },
+                PyToken { kind: PyTokenKind::Name(name), .. },
+                PyToken { kind: PyTokenKind::Sign("("), .. },
+                ..,
+            ] => Some(format!("{METHOD}{name}")),
+            _ => None,
+        }
+    }
+
+    /// The rest of such a call: the object is its first argument.
+    fn method_call(&mut self, method: String, object: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
+        self.i += 3;
+        let mut call = self.call(method, range)?;
+        self.depth -= 1;
+        if let PyExpr::Call(_, args, _) = &mut call {
+            args.insert(0, object);
+        }
+        Ok(call)
+    }
+
     /// Indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
@@ -836,6 +869,11 @@ impl PyParser {
             // `v.x` is `v[0]`; other attributes are refused where the expression ends.
             if self.sign() == Some(".") {
                 let Some(axis) = self.axis() else {
+                    if let Some(method) = self.called_method() {
+                        out = self.method_call(method, out, place)?;
+                        self.grow(height)?;
+                        continue;
+                    }
                     let Some(field) = self.attribute() else { break };
                     self.grow(height)?;
                     out = PyExpr::Call(field, vec![out], place);

@@ -103,7 +103,10 @@ impl Model<'_, '_> {
                 return end;
             }
             // Read before; one that cannot be read is refused where an object is made.
-            "class" => return next,
+            "class" => {
+                self.methods(list, i, line.indent);
+                return next;
+            }
             "del" if rest.text.contains('[') => {}
             "with" | "raise" | "del" => {
                 let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
@@ -249,10 +252,13 @@ impl Model<'_, '_> {
     /// A value of the model: a constant, or a number that is drawn once.
     pub(super) fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
         // A function of statements runs as in the block of an axiom. One that cannot is named where the value is used.
-        if first_call(e, &|name| self.has_body(name)).is_some()
-            && let Ok(true) = self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range)
-        {
-            return;
+        let mut refused = None;
+        if first_call(e, &|name| self.has_body(name)).is_some() {
+            match self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range) {
+                Ok(true) => return,
+                Ok(false) => {}
+                Err(why) => refused = Some(why),
+            }
         }
         match e {
             PyExpr::Text(_, place) if !place.is_empty() => self.texts.insert(name.to_owned(), place.clone()),
@@ -282,6 +288,7 @@ impl Model<'_, '_> {
             Ok(code) => code,
             Err(why) => {
                 // Named only where it is used: many models hold values that their rules do not need.
+                let why = refused.unwrap_or(why);
                 self.scope.constants.remove(name);
                 self.scope.unreadable.insert(name.to_owned(), Refusal { range, ..why });
                 return;
@@ -326,7 +333,9 @@ impl Model<'_, '_> {
 
     /// Names that a function which L-Py runs sets to values that cannot be read: a production that uses one is refused.
     pub(super) fn hide_unreadable(&mut self, block: &[Line<'_>]) {
-        for (name, why) in block.iter().filter_map(unreadable_assignment) {
+        let unreadable = |line| unreadable_assignment(line, &self.scope, &self.defined);
+        let found: Vec<_> = block.iter().filter_map(unreadable).collect();
+        for (name, why) in found {
             self.scope.constants.remove(name);
             self.scope.unreadable.insert(name.to_owned(), why);
         }

@@ -11,8 +11,8 @@ use super::dictionary::dictionary_of;
 use super::emit::{constant_of, emit, folded, known_truth};
 use super::expression::{
     ATTRIBUTE, DICTIONARY, FLAT, IN, MAX_OPS, OBJECT, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name,
-    first_call, is_dictionary, is_nothing, is_object, plain_name, range_of, size_with, substitute, text_refusal,
-    times_read,
+    first_call, is_dictionary, is_none, is_nothing, is_object, plain_name, range_of, size_with, substitute,
+    text_refusal, times_read,
 };
 use super::lists::{
     combined, first_number, flat, index_of, is_one_of, item, numbers_of_range, one_of, slice, sorted, zipped,
@@ -92,6 +92,12 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         // Texts are equal or not; their order is not known.
         PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => {
             let (a, b) = (sub(a)?, sub(b)?);
+            // A list, a dictionary or an object is not `None`.
+            let is_none = |e: &PyExpr| matches!(e, PyExpr::Text(value, _) if is_none(*value));
+            let is_other = |e: &PyExpr| is_list_or_vector(e) || is_dictionary(e);
+            if (is_none(&a) && is_other(&b)) || (is_none(&b) && is_other(&a)) {
+                return Ok(PyExpr::Number(if *op == PyOp::Ne { 1.0 } else { 0.0 }));
+            }
             match vectors::compared(*op, &a, &b) {
                 Some(test) => test,
                 None => PyExpr::Binary(*op, a, b),
@@ -147,6 +153,10 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             let index = resolve(index, scope, depth)?;
             if let Some((name, own)) = changed_lists::list_of(list, scope) {
                 return changed_lists::element(name, own, &index, scope, range);
+            }
+            let is_slice = matches!(&index, PyExpr::Call(name, ..) if name == SLICE);
+            if let Some(item) = changed_lists::item_of_row(list, &index, scope, depth).filter(|_| !is_slice) {
+                return item;
             }
             if let Some(turn) = changed_lists::turn_item(list, &index, scope, range) {
                 return Ok(turn);

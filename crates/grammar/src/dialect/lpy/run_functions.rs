@@ -109,7 +109,7 @@ impl Model<'_, '_> {
                 self.direction = Some(is_backward);
                 continue;
             }
-            if unreadable_assignment(line).is_none() {
+            if unreadable_assignment(line, &self.scope, &self.defined).is_none() {
                 lines.push(*line);
             }
         }

@@ -8,9 +8,9 @@ use std::sync::{Arc, OnceLock};
 
 use osier_base::diagnostic::{SourceId, Span};
 
-use super::changed_lists::ChangedList;
+use super::changed_lists::{ChangedList, Row};
 use super::curve_table::Curves;
-use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
+use super::expression::{MAX_OPS, METHOD, PyExpr, size_with, substitute, times_read, with_parts};
 use super::param_shape::{Class, ParamShape};
 use super::refusal::Refusal;
 use crate::code::{Bytecode, CalledFunction, ElementAccess, Op};
@@ -59,6 +59,8 @@ pub(super) struct Scope {
     pub changing: Rc<BTreeSet<String>>,
     /// Those of them that are arrays of the machine, as blocks see them; empty until the values of the model are known.
     pub arrays: BTreeMap<String, ChangedList>,
+    /// What the items of those of them are that hold lists or vectors, as the text tells.
+    pub rows: BTreeMap<String, Row>,
     /// The arrays, in the order of their numbers. Their elements are the first global variables.
     pub elements: Rc<Vec<ElementAccess>>,
     pub array_slots: usize,
@@ -121,6 +123,13 @@ impl Scope {
     /// The refusal of a call of a function that is not known, with the reason if the model has it.
     pub fn refused_call(&self, name: &str, range: Range<usize>) -> Refusal {
         let why = self.refused_functions.get(name).map(String::as_str);
+        if let Some(method) = name.strip_prefix(METHOD) {
+            let why = why.map_or_else(String::new, |why| format!(" ({why})"));
+            let refusal = Refusal::new(format!("the method '{method}'{why}"), range);
+            return refusal.remedy(
+                "of methods those of classes of the model are read: write it as a function f(p), or into the class",
+            );
+        }
         let remedy = match (name, why) {
             ("makestring", None) => Some("write the modules themselves, behind 'produce' or 'nproduce'"),
             _ => None,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::expression::{PyExpr, exchanged, first_call, is_change, mentions, substitute};
+use super::expression::{PyExpr, PyOp, exchanged, first_call, is_change, is_none, mentions, substitute};
 use super::strings::PyModule;
 
 /// Variable with the number of the group of productions that is active, which no model can name.
@@ -267,6 +267,30 @@ pub(super) fn changes(statements: &[Statement], name: &str) -> bool {
         Statement::Assign(own, e) => own == name && is_change(e),
         Statement::If(tests, other) => tests.iter().any(|(_, then)| changes(then, name)) || changes(other, name),
         Statement::For(_, _, body, _) | Statement::While(_, body, ..) => changes(body, name),
+        _ => false,
+    })
+}
+
+/// True if statements set a name to another value than a change of its own. What they do where its value is `None` does not count.
+pub(super) fn sets_anew(statements: &[Statement], name: &str) -> bool {
+    let is_of_none = |test: &PyExpr| match test {
+        PyExpr::Binary(PyOp::Eq, a, b) => {
+            matches!((&**a, &**b), (PyExpr::Name(own, _), PyExpr::Text(value, _)) if own == name && is_none(*value))
+        }
+        PyExpr::Call(bool, args, _) if bool == "bool" => {
+            matches!(args.as_slice(), [PyExpr::Binary(PyOp::Eq, a, b)]
+                if matches!((&**a, &**b), (PyExpr::Name(own, _), PyExpr::Text(value, _)) if own == name && is_none(*value)))
+        }
+        _ => false,
+    };
+    statements.iter().any(|s| match s {
+        Statement::Assign(own, e) => own == name && !is_change(e),
+        Statement::If(tests, other) => {
+            let anew = |(test, then): &(PyExpr, Vec<Statement>)| !is_of_none(test) && sets_anew(then, name);
+            tests.iter().any(anew) || sets_anew(other, name)
+        }
+        Statement::For(own, _, body, _) => own == name || sets_anew(body, name),
+        Statement::While(_, body, ..) => sets_anew(body, name),
         _ => false,
     })
 }

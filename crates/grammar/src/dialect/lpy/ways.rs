@@ -14,7 +14,7 @@ use super::scope::{Scope, arguments, has_random};
 use super::shapes::spread;
 use super::shared_lists::HandedOn;
 use super::statement::{
-    Statement, Store, call_in, changes, names_of, read_name, renamed, stores, with_lists, without_call,
+    Statement, Store, call_in, changes, names_of, read_name, renamed, sets_anew, stores, with_lists, without_call,
 };
 use super::strings::PyModule;
 use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way, with_known};
@@ -254,6 +254,12 @@ impl Model<'_, '_> {
     /// Sets an item of a list that productions change.
     fn store(&mut self, store: Store, now: &mut OpenWay) -> Result<(), Refusal> {
         let value = &store.value;
+        if let Some(list) = self.list_of(value, &now.way)
+            && let Some(stores) = self.row_stores(&store, &list)?
+        {
+            now.run_next(stores.into_iter().map(Statement::Store).collect());
+            return Ok(());
+        }
         if self.list_of(value, &now.way).is_some() || is_dictionary(value) || is_joined_text(value) {
             let list = &store.list;
             let why =
@@ -262,7 +268,11 @@ impl Model<'_, '_> {
             return Err(why.remedy("keep each coordinate of points in a list of its own"));
         }
         // Index and value are taken now, as those of assignments are.
-        let is_plain = |e: &PyExpr| matches!(e, PyExpr::Number(_) | PyExpr::Name(..) | PyExpr::Text(..));
+        let is_plain = |e: &PyExpr| match e {
+            PyExpr::Number(_) | PyExpr::Name(..) | PyExpr::Text(..) => true,
+            PyExpr::List(both, _) => both.iter().all(|e| matches!(e, PyExpr::Number(_) | PyExpr::Name(..))),
+            _ => false,
+        };
         let mut taken = Vec::new();
         let mut kept = |e: PyExpr| {
             if is_plain(&e) {
@@ -273,7 +283,11 @@ impl Model<'_, '_> {
             taken.push(Statement::Assign(name.clone(), e));
             PyExpr::Name(name, range)
         };
-        let (index, value) = (kept(store.index), kept(store.value));
+        let index = match store.index {
+            PyExpr::List(both, range) => PyExpr::List(both.into_iter().map(&mut kept).collect(), range),
+            index => kept(index),
+        };
+        let value = kept(store.value);
         let store = Store { index, value, ..store };
         if taken.is_empty() {
             now.way.steps.push(Step::Store(store));
@@ -360,7 +374,7 @@ impl Model<'_, '_> {
         let (mut names, globals) = names_of(&body);
         // Variables of the model that the function changes keep their names.
         names.retain(|name| !globals.contains(name));
-        if !globals.is_empty() || stores(&body) {
+        if !globals.is_empty() || stores(&body) || params.iter().any(|param| changes(&body, param)) {
             check_change_of_values(s, &call, function, place)?;
             check_own_names(&globals, function, place, way, left)?;
         }
@@ -368,16 +382,22 @@ impl Model<'_, '_> {
         let number = self.temporaries;
         self.temporaries += 1;
         let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
-        // An object that the function changes is that of the caller, under its name.
+        // An object is that of the caller, under its name: the function, or one that it calls, may change it.
         let mut is_same = vec![false; params.len()];
         for ((k, param), arg) in params.iter().enumerate().zip(&args) {
+            // So is a list that the caller has made and the function changes.
+            let is_own_list = |name: &String| {
+                let list = way.lists.get(name).and_then(|list| self.list_of(list, way));
+                matches!(list, Some(PyExpr::List(..))) && changes(&body, param)
+            };
             let value = if let PyExpr::Name(name, _) = arg {
-                way.lists.get(name).or_else(|| self.scope.lists.get(name)).filter(|e| is_object(e)).map(|_| name)
+                let value = way.lists.get(name).or_else(|| self.scope.lists.get(name));
+                value.filter(|e| is_object(e) || is_own_list(name)).map(|_| name)
             } else {
                 None
             };
             if let Some(name) = value
-                && changes(&body, param)
+                && !sets_anew(&body, param)
                 && let Some(at) = names.iter().position(|n| n == param)
             {
                 own[at] = name.clone();
