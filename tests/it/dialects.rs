@@ -837,8 +837,8 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
         ("A(**rest) --> F", "'**rest' as the name of a parameter"),
         ("A(x) --> F(**x)", "'**', arguments by name"),
         (
-            "class P:\n  def grow(self): return 1\nA(x) --> F(P())",
-            "the function 'P' (line 5: the function 'grow' of a class)",
+            "class P:\n  def __add__(self, q): return 1\nA(x) --> F(P())",
+            "the function 'P' (line 5: the function '__add__' of a class)",
         ),
     ] {
         let text = of(rules);

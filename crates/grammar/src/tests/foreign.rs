@@ -1038,6 +1038,7 @@ fn objects_of_lpy_are_numbers_for_their_attributes() {
         ("Apex(p):\n  p.size = 1\n  produce Apex(p)\n", "an attribute 'size' that this value does not have"),
         ("Apex(p) --> Node(p.size)\n", "an attribute 'size' that this value does not have"),
         ("Apex(p) --> Node(1+p)\n", "an object where a number is expected"),
+        ("Apex(p) --> F(p)\n", "an object as a parameter of the command 'F'"),
         ("Apex(p) --> Node(State(1,2,3))\n", "this call of the class 'State'"),
         ("Apex(p) --> Apex(ParameterSet(a=1,b=2,c=3,d=4))\n", "with an object of 4 attributes as its parameters"),
     ] {
@@ -1839,6 +1840,8 @@ fn errors_of_lpy_that_a_try_catches_are_tested() {
     // Outside of productions, with values that are known.
     let outside = "q = [1, 2]\ntry:\n  k = q[5]\nexcept (IndexError, KeyError):\n  k = -1\nAxiom: B(k)\nproduction:\n";
     assert_eq!(lpy(outside), "B(-1)");
+    let many = "    if n > 0:\n      x = 1/n\n".repeat(30);
+    let many = format!("  try:\n{many}  except:\n    x = 0\n  produce D(x)\n");
     for (block, why) in [
         ("  try:\n    x = undefined\n  except NameError:\n    x = 0\n  produce D(x)\n", "'except NameError'"),
         (
@@ -1846,6 +1849,7 @@ fn errors_of_lpy_that_a_try_catches_are_tested() {
             "a loop in 'try'",
         ),
         ("  try:\n    x = 1/random()\n  except:\n    x = 0\n  produce D(x)\n", "a random number"),
+        (many.as_str(), "a 'try' of too many statements that may fail"),
         ("  try:\n    x = 1\n  produce D(x)\n", "'try' without 'except'"),
         (
             "  try:\n    x = 1/n\n    return\n  except:\n    x = 0\n  finally:\n    x = 2\n  produce D(x)\n",
@@ -1956,4 +1960,11 @@ fn functions_of_lpy_may_change_the_lists_that_they_are_given() {
                  if n > 0:\n    walk(n-1, out)\n    out.append(n*n)\n  return out\nsizes = walk(2)\nAxiom: A(1)\nderivation length: 1\n\
                  production:\nA(x):\n  p = [7]\n  fill(p, 3)\n  r = walk(3)\n  produce B(len(p),p[1],p[3]) C(*r) D(sizes[1])\n";
     assert_eq!(lpy(model), "B(4,3,1)C(1,4,9)D(4)");
+}
+
+#[test]
+fn lists_that_lpy_begins_with_in_start_are_those_of_the_model() {
+    let model = "def Start():\n  global nodes, last\n  nodes = []\n  last = {}\nmodule N\nAxiom: N(1)\nderivation length: 3\nproduction:\n\
+                 N(x):\n  nodes.append(x)\n  last['size'] = len(nodes)\n  produce F(last['size'],nodes[0]) N(x+1)\n";
+    assert_eq!(lpy(model), "F(1,1)F(2,1)F(3,1)N(4)");
 }

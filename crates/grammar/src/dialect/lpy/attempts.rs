@@ -1,6 +1,7 @@
 //! `try` with `except`. Code of these models raises no errors: what a statement would fail of is tested before it, and the block of the
 //! `except` runs where the test holds.
 
+use std::cell::Cell;
 use std::ops::Range;
 
 use super::Model;
@@ -16,6 +17,9 @@ use crate::dialect::text::Piece;
 
 /// Functions within one another that are searched for what they fail of.
 const MAX_FUNCTIONS: usize = 8;
+
+/// Most statements that a `try` becomes.
+const MAX_STATEMENTS: usize = 4_096;
 
 /// The errors that an `except` catches, of those that numbers and lists can raise.
 #[derive(Debug, Clone, Copy, Default)]
@@ -44,6 +48,8 @@ struct Attempt {
     otherwise: Vec<Statement>,
     /// The block of `finally`.
     last: Vec<Statement>,
+    /// Statements that were written out so far: what follows an `if` stands on each of its sides.
+    count: Cell<usize>,
 }
 
 fn either(a: Option<PyExpr>, b: Option<PyExpr>) -> Option<PyExpr> {
@@ -147,7 +153,8 @@ impl Model<'_, '_> {
         place: Range<usize>,
         depth: usize,
     ) -> Result<Vec<Statement>, Refusal> {
-        if depth > MAX_NESTING {
+        parts.count.set(parts.count.get() + statements.len());
+        if depth > MAX_NESTING || parts.count.get() > MAX_STATEMENTS {
             return Err(Refusal::new("a 'try' of too many statements that may fail", place));
         }
         let mut out = Vec::new();

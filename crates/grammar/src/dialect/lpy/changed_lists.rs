@@ -8,6 +8,7 @@ use std::rc::Rc;
 use osier_base::convert::saturating_index;
 
 use super::Model;
+use super::arrays::{ChangedList, Row};
 use super::assignment::{change_of, nested_change};
 use super::emit::{append_code, constant_of};
 use super::expression::{DICTIONARY, IN, ListChange, PyExpr, PyOp, SLICE, is_nothing, plain_name, range_of};
@@ -26,44 +27,21 @@ const MAX_ELEMENTS: usize = 49_152;
 /// Most items of one such list. Own: the machine is copied with its variables in each step.
 const MAX_LENGTH: usize = 8_192;
 
+/// Most lists that change. Own: each is looked for in all lines of the model.
+const MAX_LISTS: usize = 64;
+
 /// Prefix of the name of the call that stands for an element of such a list, by an index that is in its list or -1.
 pub(super) const ELEMENT: &str = "(element) ";
 
 /// Name of the call that stands for the position of a key in such a dictionary; no function has it.
 const POSITION: &str = "(position)";
 
-/// A list or dictionary of the model that productions change.
-#[derive(Debug, Clone)]
-pub(super) struct ChangedList {
-    /// Index of its array among [`Scope::elements`].
-    pub number: usize,
-    /// Of a dictionary the array of its keys, in the order of its values; `None`: a list.
-    pub keys: Option<usize>,
-    /// What its items are where these are lists or vectors, whose numbers are elements one after the other.
-    pub row: Option<Row>,
-}
-
-/// Lists or vectors as items of a list.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Row {
-    /// How many numbers each has.
-    pub width: usize,
-    pub is_vector: bool,
-}
-
-impl Row {
-    /// What an expression is, which need not be resolved; `None` for one that may be a number.
-    fn of(e: &PyExpr) -> Option<Self> {
-        match e {
-            PyExpr::List(items, _) if !items.is_empty() => Some(Self { width: items.len(), is_vector: false }),
-            PyExpr::Call(name, ..) => dimension(name).map(|width| Self { width, is_vector: true }),
-            _ => None,
-        }
-    }
-
-    /// The list or vector of such items.
-    fn value(self, items: Vec<PyExpr>, range: Range<usize>) -> PyExpr {
-        if self.is_vector { vector(items, range) } else { PyExpr::List(items, range) }
+/// What the items of a list are by an expression that need not be resolved; `None` for one that may be a number.
+fn row_of(e: &PyExpr) -> Option<Row> {
+    match e {
+        PyExpr::List(items, _) if !items.is_empty() => Some(Row { width: items.len(), is_vector: false }),
+        PyExpr::Call(name, ..) => dimension(name).map(|width| Row { width, is_vector: true }),
+        _ => None,
     }
 }
 
@@ -90,64 +68,76 @@ fn has_word(text: &str, word: &str) -> bool {
     text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|own| own == word)
 }
 
-/// Names that some block sets or has as a parameter, and those that it changes as lists.
-fn names_of_block(
-    head: &str,
-    block: &[Line<'_>],
-    own: &mut BTreeSet<String>,
-    changed: &mut BTreeSet<String>,
-    rows: &mut BTreeMap<String, Row>,
-) {
-    let mut global: BTreeSet<String> = BTreeSet::new();
-    let (mut set, mut altered) = (BTreeSet::new(), BTreeSet::new());
-    // A statement may stand behind the heading of a block on its line.
-    let parts = block.iter().flat_map(|line| {
-        let piece = line.piece;
-        let (word, _) = piece.first_word(&['(', ':', '=', '[']);
-        let inline = block_colon(piece).filter(|_| heads_block(word.text)).map(|c| piece.from(c + 1).trimmed());
-        let plain = Some(piece).filter(|_| !heads_block(word.text));
-        statements_of_line(inline.or(plain).unwrap_or(piece))
-    });
-    for part in parts {
-        if let Some(names) = part.text.strip_prefix("global ") {
-            global.extend(names.split(',').map(|n| n.trim().to_owned()));
-        }
-        match change_of(part) {
-            Ok(Some(changes)) => {
-                for (name, e) in &changes {
-                    if let PyExpr::Change(ListChange::Append | ListChange::Set, args, _) = e
-                        && let Some(row) = args.last().and_then(Row::of)
+/// Names of lists in the text of a model.
+#[derive(Default)]
+struct ListNames {
+    /// Lists of the model: set outside of blocks, or in a block that declares the name `global`.
+    made: BTreeSet<String>,
+    /// Names that some block has for a variable or parameter of its own.
+    own: BTreeSet<String>,
+    /// Names that blocks change as lists.
+    changed: BTreeSet<String>,
+    /// What the items are that they get.
+    rows: BTreeMap<String, Row>,
+}
+
+impl ListNames {
+    /// Adds the names of a block with this head.
+    fn add_block(&mut self, head: &str, block: &[Line<'_>]) {
+        let mut global: BTreeSet<String> = BTreeSet::new();
+        let (mut set, mut lists, mut altered) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+        // A statement may stand behind the heading of a block on its line.
+        let parts = block.iter().flat_map(|line| {
+            let piece = line.piece;
+            let (word, _) = piece.first_word(&['(', ':', '=', '[']);
+            let inline = block_colon(piece).filter(|_| heads_block(word.text)).map(|c| piece.from(c + 1).trimmed());
+            let plain = Some(piece).filter(|_| !heads_block(word.text));
+            statements_of_line(inline.or(plain).unwrap_or(piece))
+        });
+        for part in parts {
+            if let Some(names) = part.text.strip_prefix("global ") {
+                global.extend(names.split(',').map(|n| n.trim().to_owned()));
+            }
+            if let Ok(Some(changes)) = change_of(part) {
+                for (name, e) in changes {
+                    let PyExpr::Change(change, args, _) = &e else { continue };
+                    if matches!(change, ListChange::Append | ListChange::Set)
+                        && let Some(row) = args.last().and_then(row_of)
                     {
-                        rows.insert(name.clone(), row);
+                        self.rows.insert(name.clone(), row);
                     }
+                    altered.insert(name);
                 }
-                let of_list = changes.into_iter().filter(|(_, e)| matches!(e, PyExpr::Change(..)));
-                altered.extend(of_list.map(|(name, _)| name));
-            }
-            _ => {
-                if let Some((names, _)) = assignment(part) {
-                    set.extend(split(names).iter().map(|n| n.text.to_owned()));
+            } else if let Some((names, value)) = assignment(part) {
+                let names: Vec<String> = split(names).iter().map(|n| n.text.to_owned()).collect();
+                if is_list_text(value.text) {
+                    lists.extend(names.iter().cloned());
                 }
+                set.extend(names);
             }
         }
-    }
-    // Variables of loops and parameters.
-    for line in block {
-        if let Some((targets, _)) = line.piece.text.strip_prefix("for ").and_then(|t| t.split_once(" in ")) {
-            set.extend(targets.split([',', '(', ')']).map(|n| n.trim().to_owned()));
+        // Variables of loops and parameters.
+        for line in block {
+            if let Some((targets, _)) = line.piece.text.strip_prefix("for ").and_then(|t| t.split_once(" in ")) {
+                set.extend(targets.split([',', '(', ')']).map(|n| n.trim().to_owned()));
+            }
         }
+        self.made.extend(lists.intersection(&global).cloned());
+        self.own.extend(altered.iter().filter(|name| has_word(head, name)).cloned());
+        self.own.extend(set.difference(&global).cloned());
+        self.changed.extend(altered);
     }
-    set.retain(|name| !global.contains(name));
-    own.extend(altered.iter().filter(|name| has_word(head, name)).cloned());
-    own.extend(set);
-    changed.extend(altered);
+}
+
+/// True for a text that makes a list or a dictionary.
+fn is_list_text(text: &str) -> bool {
+    text.starts_with(['[', '{']) || text.starts_with("list(") || text.starts_with("dict(")
 }
 
 impl Model<'_, '_> {
     /// Finds the lists and dictionaries of the model that productions and functions change, whose name no block has for another value.
     pub(super) fn find_changed_lists(&mut self, list: &[Line<'_>]) {
-        let mut made: BTreeSet<String> = BTreeSet::new();
-        let (mut own, mut changed) = (BTreeSet::new(), BTreeSet::new());
+        let mut names = ListNames::default();
         let mut i = 0;
         while let Some(line) = list.get(i).filter(|line| line.piece.text != "endlsystem") {
             let (block, next) = block_after(list, i, line.indent);
@@ -160,14 +150,16 @@ impl Model<'_, '_> {
                 let after = c.map_or(rest.from(rest.text.len()), |c| rest.from(c + 1).trimmed());
                 let inline = [Line { indent: 1, piece: after }];
                 let lines = if block.is_empty() && !line.piece.text.contains("-->") { &inline } else { block };
-                names_of_block(head.text, lines, &mut own, &mut changed, &mut self.scope.rows);
-            } else if let Some((names, _)) = assignment(line.piece) {
-                made.extend(split(names).iter().filter(|n| is_name(n.text)).map(|n| n.text.to_owned()));
+                names.add_block(head.text, lines);
+            } else if let Some((targets, _)) = assignment(line.piece) {
+                names.made.extend(split(targets).iter().filter(|n| is_name(n.text)).map(|n| n.text.to_owned()));
             }
             i = next.max(i + 1);
         }
+        let ListNames { made, own, mut changed, rows } = names;
         changed.retain(|name| made.contains(name) && !own.contains(name));
-        if changed.is_empty() {
+        self.scope.rows = rows;
+        if changed.is_empty() || changed.len() > MAX_LISTS {
             return;
         }
         // A dictionary has an array of its keys, too.
@@ -224,9 +216,9 @@ impl Model<'_, '_> {
             let is_list = keys.is_empty();
             // Rows of numbers, one after the other.
             let known = self.scope.rows.get(&name).copied();
-            let row = items.first().map_or(known, Row::of);
+            let row = items.first().map_or(known, row_of);
             let length = items.len();
-            let is_row = |item: &PyExpr| Row::of(item) == row;
+            let is_row = |item: &PyExpr| row_of(item) == row;
             if row.is_some() && (keys_number.is_some() || !items.iter().all(is_row)) {
                 let why = format!("the list '{name}', which productions change, with items of several kinds");
                 self.refuse(&Refusal::new(why, range).remedy("give all of its lists one length"));
@@ -606,7 +598,8 @@ pub(super) fn element(
     let of = |at: PyExpr| PyExpr::Call(format!("{ELEMENT}{name}"), vec![at], range.clone());
     let Some(row) = list.row else { return Ok(of(at)) };
     let column = |k: usize| of(cell(&at, &PyExpr::Number(f64::from(saturating_index(k))), row, scope));
-    Ok(row.value((0..row.width).map(column).collect(), range.clone()))
+    let items: Vec<PyExpr> = (0..row.width).map(column).collect();
+    Ok(if row.is_vector { vector(items, range.clone()) } else { PyExpr::List(items, range.clone()) })
 }
 
 /// What a call gives of such a list, the first argument but for `in`; `None` for any other call.

@@ -1,6 +1,7 @@
 //! Models of L-Py: rules, and of Python the statements and expressions that docs/dialects.md lists. A production with `if` becomes one
 //! production for each way through it.
 
+mod arrays;
 mod assignment;
 mod attempts;
 mod block;

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use osier_base::diagnostic::{SourceId, Span};
 
-use super::changed_lists::{ChangedList, Row};
+use super::arrays::{ChangedList, Row};
 use super::curve_table::Curves;
 use super::expression::{MAX_OPS, METHOD, PyExpr, size_with, substitute, times_read, with_parts};
 use super::param_shape::{Class, ParamShape};
