@@ -137,11 +137,11 @@ pub struct Grow {
     /// coefficient table, or - for a glb on standard output.
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: PathBuf,
-    /// Derivation length in place of that of the grammar.
+    /// Derivation length in place of that of the grammar; a fraction draws a part of the last step.
     // The id differs from the flag, as every limit is an argument too and one of them is named
     // `steps`.
-    #[arg(id = "derivation-steps", long = "steps", value_name = "N")]
-    pub steps: Option<u32>,
+    #[arg(id = "derivation-steps", long = "steps", value_name = "N", value_parser = read_steps)]
+    pub steps: Option<f64>,
     /// Programs that a glb is written for.
     #[arg(long, value_enum, default_value = "blender")]
     pub profile: ProfileArg,
@@ -209,9 +209,9 @@ pub struct Preview {
     /// Render another source beside the first, at the same scale.
     #[arg(long, value_name = "SOURCE")]
     pub compare: Option<String>,
-    /// Derivation length in place of that of the grammar.
-    #[arg(id = "preview-steps", long = "steps", value_name = "N")]
-    pub steps: Option<u32>,
+    /// Derivation length in place of that of the grammar; a fraction draws a part of the last step.
+    #[arg(id = "preview-steps", long = "steps", value_name = "N", value_parser = read_steps)]
+    pub steps: Option<f64>,
     /// Overwrite a file that osier did not write.
     #[arg(long)]
     pub force: bool,
@@ -368,6 +368,11 @@ pub struct Common {
 }
 
 /// The seed that a text means; the error completes clap's "invalid value 'x' for '--seed <N>': ".
+fn read_steps(text: &str) -> Result<f64, String> {
+    let steps = text.parse().ok().filter(|steps| (0.0..=1e6).contains(steps));
+    steps.ok_or_else(|| "a number of steps is 0 to 1,000,000".to_owned())
+}
+
 fn read_seed(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| format!("a seed is a whole number from 0 to {}", u64::MAX))
 }

@@ -36,7 +36,7 @@ pub struct Request {
     /// Replaces the scene's seed.
     pub seed: Option<u64>,
     /// Replaces every plant's derivation length.
-    pub steps: Option<u32>,
+    pub steps: Option<f64>,
     /// Limits on sizes and counts that the scene is checked against.
     pub limits: Limits,
 }

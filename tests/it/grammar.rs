@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::common::program::{arg, ends};
 use osier::diagnostic::{Diagnostic, Report, Sources, Style, render};
 use osier::grammar::{DeriveOptions, Grammar, GrammarSource, derive, parse, predict};
 use osier::grow::radii::Pipe;
@@ -64,7 +65,7 @@ fn system(axiom: &str, rules: &str) -> String {
 
 /// Codes about view files (L047: `companion/view.rs`), widths in pixels (L046: below) and other dialects (L060, L061: their
 /// readers).
-const FAULTS_OF_OTHER_FILES: [&str; 5] = ["L046", "L047", "L060", "L061", "L062"];
+const FAULTS_OF_OTHER_FILES: [&str; 6] = ["L046", "L047", "L060", "L061", "L062", "L063"];
 
 /// One text per code that must make it.
 fn faults() -> Vec<(&'static str, String)> {
@@ -432,4 +433,25 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn plants_of_fractional_steps_lie_between_those_of_whole_ones() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let height = |steps: &str| {
+        let path = folder.path().join(format!("{steps}.obj"));
+        let grammar = "grammars/textbook-plants.l";
+        ends(0, &["grow", grammar, "--steps", steps, "-o", arg(&path)]);
+        let text = std::fs::read_to_string(&path).expect("an obj");
+        let y = |l: &str| l.strip_prefix("v ")?.split(' ').nth(1)?.parse::<f64>().ok();
+        text.lines().filter_map(y).fold(0.0, f64::max)
+    };
+    let heights = ["2", "2.25", "2.5", "2.75", "3"].map(height);
+    assert!(heights.is_sorted_by(|a, b| *b > a * 1.05), "{heights:?}");
+    assert!((height("3.0") - heights[4]).abs() < 1e-12);
+    let (_, said) =
+        ends(1, &["grow", "grammars/textbook-plants.l", "--steps", "2.5", "-o", arg(&folder.path().join("x.txt"))]);
+    assert!(said.contains("L063"), "{said}");
+    let (_, said) = ends(2, &["grow", "koch", "--steps", "-1", "-o", arg(&folder.path().join("x.obj"))]);
+    assert!(said.contains("0 to 1,000,000"), "{said}");
 }

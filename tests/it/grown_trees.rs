@@ -1,6 +1,7 @@
 //! Trees that grow year by year, through scenes: species, ages, places, neighbours, cuts, wind, and what they complain of.
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests fail loudly and write scenes themselves")]
 
+use std::path::Path;
 use std::process::Command;
 
 use glam::Vec3;
@@ -19,6 +20,7 @@ use serde_json::Value;
 use crate::common::clients;
 use crate::common::program::{arg, ends};
 use crate::common::scene_text::{assembled, complaint, evaluated, recipe};
+use crate::common::track_records::records;
 
 /// The plants of a scene, in the order of their places.
 fn trees(text: &str) -> Vec<Asset> {
@@ -595,4 +597,68 @@ fn a_clip_of_a_hedge_has_the_leaves_of_every_year() {
         let share = shown as f64 / leaves(tree) as f64;
         assert!((share - 1.0).abs() < 0.005, "{shown} of {} leaves at {age} years", leaves(tree));
     }
+}
+
+/// A column of a table of statistics, by frame.
+fn column(table: &str, name: &str) -> Vec<f64> {
+    let mut lines = table.lines();
+    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let k = header.iter().position(|h| *h == name).unwrap_or_else(|| panic!("{name} in {header:?}"));
+    lines.map(|line| line.split(',').nth(k).expect("a cell").parse().unwrap_or(f64::NAN)).collect()
+}
+
+/// One birch in a shower and gusts, from whose crown seeds come loose.
+#[test]
+fn rain_wind_and_seeds_act_on_a_grown_tree_in_one_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bake = |name: &str, wind: f64| {
+        let text = format!(
+            "[frames]\nend = 12\n[plants.a]\nspecies = \"birch\"\nage = 6\n[wind]\nmodel = \"gust\"\nspeed = {wind}\n[maps]\n\
+             max_mapped_leaves = 0\n[rain]\nrate_mm_per_h = 60\nsize_distribution = \"fixed\"\nsize_mm = 3\nspin_up_s = 0.5\n\
+             [catkin]\n[flight]\ncount = 60\nrelease = \"canopy\"\n"
+        );
+        let (file, out) = (folder.path().join(format!("{name}.toml")), folder.path().join(name));
+        std::fs::write(&file, text).expect("a scene");
+        ends(0, &["-q", "bake", arg(&file), "-o", arg(&out), "--formats", "tracks,csv"]);
+        out
+    };
+    let (calm, gusty) = (bake("calm", 0.0), bake("gusty", 8.0));
+    let table = |name: &str| std::fs::read_to_string(gusty.join("stats").join(name)).expect("statistics");
+    let (rain, flight) = (table("rain.csv"), table("flight.csv"));
+    let last = |column: Vec<f64>| *column.last().expect("frames");
+    // Drops strike leaves and wood, whose momentum is balanced; water stays on leaves.
+    assert!(last(column(&rain, "struck")) > 100.0 && last(column(&rain, "water_wood [mm3]")) > 1.0, "{rain}");
+    assert!(last(column(&rain, "water_leaves [mm3]")) > 10.0 && last(column(&rain, "momentum_error")) < 1e-9, "{rain}");
+    // Seeds leave the crown and are carried off.
+    assert!(last(column(&flight, "airborne")) > 10.0 && last(column(&flight, "mean_speed [m/s]")) > 0.5, "{flight}");
+    // Leaves are wet, and swing further in gusts than under the drops alone.
+    let leaves = |out: &Path| records(out, "leaves.bin", &["leaf", "wetness", "x", "y", "z"]);
+    let swing = |leaves: &[(u64, Vec<f64>)]| {
+        let of = |frame: u64| leaves.iter().filter(move |l| l.0 == frame);
+        let moved = of(2).zip(of(12)).map(|(a, b)| (2..5).map(|k| (a.1[k] - b.1[k]).powi(2)).sum::<f64>().sqrt());
+        moved.sum::<f64>() / of(2).count() as f64
+    };
+    let (still, blown) = (leaves(&calm), leaves(&gusty));
+    assert!(blown.iter().any(|l| l.1[1] > 0.05), "no leaf is wet");
+    assert!(swing(&blown) > 2.0 * swing(&still) && swing(&blown) > 2e-3, "{} {}", swing(&blown), swing(&still));
+}
+
+#[test]
+fn a_grown_tree_moves_on_rods() {
+    let text =
+        "[plants.a]\nspecies = \"birch.species\"\nage = 3\n[plants.a.rods]\n[frames]\nend = 6\n[wind]\nspeed = 6\n";
+    let scene = assembled(text);
+    let frames = evaluated(&scene, &[1, 6]);
+    let places = |frame: &Frame| -> Vec<Vec3> {
+        let of_tree = frame.assets.iter().flat_map(|a| &a.instancers);
+        let state = |frame: &InstancerFrame| match frame {
+            InstancerFrame::State(state) => state.positions.clone(),
+            InstancerFrame::Same => Vec::new(),
+        };
+        of_tree.flat_map(state).collect()
+    };
+    let (first, later) = (places(&frames[0]), places(&frames[1]));
+    assert!(first.len() > 20 && first.len() == later.len(), "{} {}", first.len(), later.len());
+    let moved = first.iter().zip(&later).map(|(a, b)| a.distance(*b)).fold(0.0_f32, f32::max);
+    assert!(moved > 2e-3 && moved < 1.0, "leaves move by {moved} m");
 }

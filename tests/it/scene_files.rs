@@ -81,10 +81,10 @@ fn overrides_win_and_change_the_hash() {
 fn a_bare_grammar_takes_overrides_for_its_defines_and_its_plant() {
     let mut request = Request::bare("koch", "koch.l");
     request.set = vec!["angle=85".into(), "turtle.unit_m=0.1".into(), "seed=3".into(), "leaf.size=0.2".into()];
-    request.steps = Some(2);
+    request.steps = Some(2.0);
     let (r, _) = resolve(&request).expect("bare grammar");
     assert_eq!(r.plants[0].keys.set, [("angle".to_owned(), 85.0)]);
-    assert_eq!((r.plants[0].turtle.unit, r.plants[0].keys.steps), (0.1, Some(2)));
+    assert_eq!((r.plants[0].turtle.unit, r.plants[0].keys.steps), (0.1, Some(2.0)));
     assert_eq!((r.plants[0].organs[0].keys.size, r.general.seed), (Some(0.2), 3));
 }
 

@@ -1,7 +1,7 @@
 //! Conversions between integer widths: an error where a count can exceed the target type, infallible where it cannot.
 //!
-//! Files and meshes store indices as `u32`, `u16` or `i32`; memory is counted in `usize`. A conversion that fails reports
-//! what there is too much of and how much of it can be indexed; it never replaces the count by another number.
+//! Files and meshes store indices as `u32`, `u16` or `i32`; memory is counted in `usize`. The error of a failed conversion names
+//! the counted things, their number and the largest number allowed. No count is ever replaced by another number.
 
 use crate::{Error, Result};
 
@@ -9,7 +9,7 @@ const _: () = assert!(usize::BITS >= 32, "supported targets have addresses of 32
 
 /// Integer types that [`narrow`] converts to, each with the limit that its error message names.
 pub trait IndexType {
-    /// `MAX` of the type, as the `limit` of [`Error::TooMany`].
+    /// Largest value of the type, for the `limit` of [`Error::TooMany`].
     const LARGEST: u64;
 }
 

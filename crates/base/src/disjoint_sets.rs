@@ -20,8 +20,8 @@ impl DisjointSets {
         Self { parent: (0..).take(n).collect() }
     }
 
-    /// The points of the parts into which triangles connect `points` of them, also those of no triangle. Triangles with other points
-    /// connect nothing.
+    /// The points 0 to `points` - 1 of a mesh, one set for each connected part. A point without a triangle is a set of its own;
+    /// triangles with an index of `points` or more connect nothing.
     pub fn connected(points: usize, triangles: &[[u32; 3]]) -> Self {
         let mut sets = Self::new(points);
         for [a, b, c] in triangles.iter().filter(|t| t.iter().all(|i| (*i as usize) < points)) {
@@ -31,7 +31,7 @@ impl DisjointSets {
         sets
     }
 
-    /// The lowest number of the set of `i`, which is below the number of all.
+    /// The lowest number in the set of `i`. `i` must be less than the count given to [`DisjointSets::new`].
     pub fn find(&mut self, i: u32) -> u32 {
         let mut i = i;
         while self.parent[i as usize] != i {

@@ -15,7 +15,7 @@ pub enum Error {
     Io {
         /// What was attempted, as a verb: "open", "write", "rename".
         action: &'static str,
-        /// The file or folder that the call named; of a rename the new name.
+        /// The file or folder that the call named; for a rename the new name.
         path: PathBuf,
         /// Error of the system call; its kind selects the exit code.
         source: std::io::Error,
@@ -45,7 +45,7 @@ pub enum Error {
         limit: String,
         /// Flag that raises the limit; empty for a limit that no flag raises.
         flag: String,
-        /// What helps otherwise, as a request without a full stop: "use a larger dx"; empty for nothing else.
+        /// Another remedy, as a request without a full stop: "use a larger dx"; empty if there is none.
         help: String,
     },
     /// More things than the integer that numbers them can count.
@@ -74,7 +74,7 @@ pub enum Error {
         /// Subject, fact, next step.
         reason: String,
     },
-    /// The output would overwrite a file of which neither its content nor a journal says that osier wrote it.
+    /// The output would overwrite a file that neither names osier as its maker nor is listed in the journal of its folder.
     #[error(
         "\"{}\" does not name osier as its maker; choose another name or folder with -o, or pass --force to overwrite it",
         path.display()
@@ -95,7 +95,7 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Report {
-    /// `Err` with this report if it holds an error, else the value beside the warnings.
+    /// `Err` with this report if it holds an error; otherwise `Ok` with `value` and this report, which may hold warnings.
     /// # Errors
     /// [`Error::Input`].
     pub fn into_result<T>(self, value: T) -> Result<(T, Self)> {
@@ -137,7 +137,7 @@ impl From<Diagnostic> for Error {
     }
 }
 
-/// Clause of a message about a limit: the flag that raises it and what helps otherwise, of which each may be empty.
+/// Clause of a message about a limit: the flag that raises it, and another remedy; either may be empty.
 fn remedies(flag: &str, help: &str) -> String {
     match (flag.is_empty(), help.is_empty()) {
         (false, false) => format!("; raise it with {flag}, or {help}"),

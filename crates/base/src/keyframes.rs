@@ -30,8 +30,8 @@ impl<const N: usize> Keyframes<N> {
     }
 }
 
-/// Value at `x` of rows of ascending coordinate and value, a + (b - a) (x - xa) / (xb - xa) between two rows; `None` without
-/// rows. It multiplies before it divides and differs from [`Keyframes::at`] in the last bits.
+/// Value at `x` by linear interpolation, a + (b - a) (x - xa) / (xb - xa), between rows of coordinate and value in ascending order
+/// of the coordinate; `None` without rows. It multiplies before it divides and differs from [`Keyframes::at`] in the last bits.
 pub fn interpolate(rows: &[[f64; 2]], x: f64) -> Option<f64> {
     let next = rows.partition_point(|row| row[0] <= x);
     match (next.checked_sub(1).and_then(|k| rows.get(k)), rows.get(next)) {

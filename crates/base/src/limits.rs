@@ -1,4 +1,4 @@
-//! Limits: what a hostile or mistaken file may cost. Checked before memory is spent.
+//! Limits on the memory, work and output that a hostile or mistaken file may cause, checked before memory is allocated.
 
 use crate::{Error, Result};
 
@@ -82,7 +82,7 @@ impl Limits {
         limits
     }
 
-    /// Lowers `memory` to three quarters of the address space of the process, where that is bounded. `text`: of
+    /// Lowers `memory` to three quarters of the address space of the process, if that is bounded. `text`: the content of
     /// `/proc/self/limits`, empty if there is none.
     pub fn within_process(mut self, text: &str) -> Self {
         let line = text.lines().find_map(|line| line.strip_prefix("Max address space"));
@@ -117,7 +117,7 @@ impl Limits {
         self.check_with_help(name, wanted, what, "")
     }
 
-    /// [`Limits::check`] with what helps beside the flag, as a request without a full stop.
+    /// [`Limits::check`] with another remedy than the flag in the message, as a request without a full stop.
     /// # Errors
     /// `Limit` naming the flag that lifts it and the help.
     pub fn check_with_help(&self, name: &str, wanted: u64, what: &str, help: &str) -> Result<()> {
@@ -141,8 +141,8 @@ pub fn memory_error(bytes: u64, limit: u64) -> Error {
     }
 }
 
-/// Linux's files with the limits of memory of the control groups in which a process runs, from the outermost group to its own, of
-/// both versions of control groups. `text`: of `/proc/self/cgroup`.
+/// Paths of the files that hold the memory limits of a process's control groups in Linux, from the outermost group to the
+/// process's own, for versions 1 and 2 of control groups. `text`: the content of `/proc/self/cgroup`.
 /// # Examples
 /// ```
 /// use osier_base::limits::control_group_files;
@@ -155,7 +155,7 @@ pub fn control_group_files(text: &str) -> Vec<String> {
     let mut files =
         vec!["/sys/fs/cgroup/memory.max".to_owned(), "/sys/fs/cgroup/memory/memory.limit_in_bytes".to_owned()];
     for line in text.lines() {
-        // ID:CONTROLLERS:PATH, without controllers in version 2.
+        // The form of a line is ID:CONTROLLERS:PATH; in version 2 the field of controllers is empty.
         let mut fields = line.splitn(3, ':').skip(1);
         let (Some(controllers), Some(path)) = (fields.next(), fields.next()) else { continue };
         let (root, name) = if controllers.is_empty() {
@@ -168,14 +168,15 @@ pub fn control_group_files(text: &str) -> Vec<String> {
         if path.contains("..") {
             continue;
         }
-        // The limit of every group around that of the process applies, too.
+        // The limits of all groups that contain the process's own apply, too.
         let ends = path.match_indices('/').map(|(i, _)| i).skip(1).chain([path.len()]);
         files.extend(ends.map(|end| format!("{root}{}/{name}", path[..end].trim_end_matches('/'))));
     }
     files
 }
 
-/// Bytes of memory by Linux's files of the machine and of the container, the smallest; `None` if none has a number.
+/// Bytes of memory available to the process: the smallest number that the files of [`Limits::of_machine`] give; `None` if they
+/// give none.
 fn usable(machine: &str, container: &str) -> Option<u64> {
     let total = machine.lines().find_map(|line| line.strip_prefix("MemTotal:")?.trim().strip_suffix("kB"));
     let total = total.and_then(|kib| kib.trim().parse::<u64>().ok()?.checked_mul(1024));

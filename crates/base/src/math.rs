@@ -1,6 +1,6 @@
-//! Transcendental functions with one set of bits on every machine, and the few vector formulas everybody needs.
+//! Transcendental functions whose results have the same bits on every machine, and common vector formulas.
 //!
-//! The system's `sin` chooses instructions by CPU and changes its last bit with them; these wrap the `libm` crate.
+//! The system's `sin` chooses instructions by CPU, and its last bit changes with them; these functions wrap the `libm` crate.
 
 use glam::{Quat, Vec3};
 
@@ -150,7 +150,7 @@ pub fn rotation_about(axis: Vec3, angle: f32) -> Quat {
 /// Normalised linear interpolation of two rotations along the shorter arc; unlike slerp not of constant angular speed.
 #[inline]
 pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
-    // q and -q are the same rotation; of the two the one on a's hemisphere gives the shorter arc.
+    // q and -q are the same rotation; the one in the hemisphere of `a` gives the shorter arc.
     let b = if a.dot(b) < 0.0 { -b } else { b };
     Quat::from_vec4(glam::Vec4::from(a) * (1.0 - t) + glam::Vec4::from(b) * t).normalize()
 }

@@ -34,7 +34,7 @@ fn key(cell: IVec3) -> u64 {
 }
 
 impl NeighbourGrid {
-    /// `edge`: of a cell, > 0, about the radius of the queries; `points`: index and position of each point, in any unit.
+    /// `edge`: edge length of a cell, > 0, about the radius of the queries; `points`: index and position of each point, in any unit.
     pub fn new(edge: f32, points: impl Iterator<Item = (u32, Vec3)>) -> Self {
         let mut grid = Self { edge, entries: Vec::new() };
         grid.entries = points.map(|(id, p)| (key(grid.cell(p)), id)).collect();

@@ -1,4 +1,4 @@
-//! Parallel work with one result: fixed chunks, results in order, whatever the number of threads.
+//! Parallel loops whose results do not depend on the number of threads: fixed chunks, results in order.
 
 use std::collections::hash_map::RandomState;
 
@@ -75,8 +75,7 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     }
 }
 
-/// Runs `f` in a new pool of `threads` threads; without feature `parallel` on the caller's thread, and where no pool can be
-/// made in the current one.
+/// Runs `f` in a new pool of `threads` threads. Without feature `parallel`, or if no pool can be made, it runs on the caller's thread.
 pub fn on_threads<R: Send>(threads: usize, f: impl FnOnce() -> R + Send) -> R {
     #[cfg(feature = "parallel")]
     {

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 use crate::limits::memory_error;
 use crate::{Error, Result};
 
-/// Signal reported for a request whose number is no signal's.
+/// Signal reported for a request whose number does not fit into an `i32`.
 const SIGINT: i32 = 2;
 
 /// A request to stop, shared by clones. Long loops poll it at least ten times a second.
@@ -25,7 +25,7 @@ impl Cancel {
         Arc::clone(&self.signal)
     }
 
-    /// Asks to stop, as the signal of this number would; 0 withdraws the request.
+    /// Asks to stop, like the signal of this number; 0 withdraws the request.
     pub fn request(&self, signal: usize) {
         self.signal.store(signal, Ordering::Relaxed);
     }

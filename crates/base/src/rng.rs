@@ -1,4 +1,4 @@
-//! Random numbers with addresses: every decision has a separate stream, so that no draw depends on the order of work.
+//! Streams of random numbers with addresses: every decision draws from a separate stream, so that no draw depends on the order of work.
 //!
 //! A stream is named by a seed and a path of integers and words; the same address gives the same numbers for ever.
 
@@ -7,8 +7,7 @@ use rand_pcg::rand_core::Rng as _;
 
 use crate::math;
 
-// 2^64 over the golden ratio, the increment of splitmix64: it keeps key 0 and id 0 off the fixed point 0 of the
-// finalizer.
+// 2^64 divided by the golden ratio, the increment of splitmix64. It is added because the finalizer maps 0 to 0, and keys and ids may be 0.
 const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 const MULTIPLIER: u64 = 0xD134_2543_DE82_EF95;
 
@@ -143,7 +142,7 @@ impl Rng {
     /// Uniform in [0, 1), a multiple of 2^-53. One draw.
     #[inline]
     pub fn unit_f64(&mut self) -> f64 {
-        // The 53 high bits over 2^53, for the same reason.
+        // The 53 high bits, as many as the significand of an f64 holds, divided by 2^53.
         (self.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }
 

@@ -1,4 +1,4 @@
-//! Floating-point numbers in SIMD lanes, with one set of bits on every instruction set.
+//! Floating-point numbers in SIMD lanes, with the same bits on every instruction set.
 //!
 //! [`Lane`] is the arithmetic of a kernel: written once over `L: Lane`, it runs on a plain `f32` or `f64`, or on as many
 //! numbers as a register of the processor holds ([`F32Lanes`], [`F64Lanes`]). All operations are those that IEEE 754 rounds
@@ -87,7 +87,7 @@ pub trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn select_lt(self, bound: f64, then: Self, otherwise: Self) -> Self;
 }
 
-/// [`Lane`] for a plain number. `$round`: from `f64`.
+/// [`Lane`] for a plain number. `$round`: function that rounds an `f64` to the type.
 macro_rules! scalar_lane {
     ($float:ty, $round:expr, $sqrt:path, $fused:path) => {
         impl Lane for $float {

@@ -1,4 +1,4 @@
-//! Conversions at the border: degrees outside, radians inside; sRGB outside, linear inside.
+//! Unit conversions: files have degrees and sRGB colours, the library computes with radians and linear colours.
 
 use crate::math;
 
@@ -12,7 +12,7 @@ pub const CUBIC_MILLIMETRE: f64 = 1e-9;
 pub const GIGAPASCAL: f64 = 1e9;
 
 /// One metre a second in millimetres an hour, the unit of rain rates.
-pub const MILLIMETRES_PER_HOUR: f64 = 3.6e6;
+pub const M_PER_S_TO_MM_PER_H: f64 = 3.6e6;
 
 /// Angle in radians: `degrees` times pi / 180.
 #[inline]
@@ -20,7 +20,7 @@ pub fn radians(degrees: f64) -> f64 {
     degrees * (std::f64::consts::PI / 180.0)
 }
 
-/// Angle in degrees: `radians` divided by pi / 180, which rounds otherwise than a product with 180 / pi.
+/// Angle in degrees: `radians` divided by pi / 180; a product with 180 / pi would be rounded differently.
 #[inline]
 pub fn degrees(radians: f64) -> f64 {
     radians / (std::f64::consts::PI / 180.0)
@@ -53,16 +53,16 @@ pub fn byte(c: f32) -> u8 {
     (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// Table of the step function that [`byte`] of [`srgb_from_linear`] is.
+/// Tables for the step function `byte(srgb_from_linear(c))` of a linear component c.
 struct Steps {
-    /// The byte of i / 4096.
+    /// Byte of the component i / 4096, for i from 0 on.
     at: Vec<u8>,
-    /// The smallest component whose byte is above i.
+    /// The smallest component whose byte is greater than i, for i from 0 on.
     above: Vec<f32>,
 }
 
 impl Steps {
-    /// Components in 4096 classes: the curve is nowhere so steep that one of them holds two steps.
+    /// Number of equal classes of components: the curve is nowhere so steep that one class holds two steps.
     const CLASSES: f32 = 4096.0;
 
     fn new() -> Self {

@@ -36,7 +36,8 @@ impl Exporter for Air {
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = &self.scene else { return Ok(()) };
         for (grid, values) in scene.air.iter().zip(&frame.air).filter(|(_, v)| !v.is_empty()) {
-            // A plane has a normal axis and is an image; a box has none and is a volume.
+            // A grid with a normal axis is a plane and becomes an image; a grid without one is a box and becomes a
+            // volume.
             let (kind, ending) = if grid.across.is_some() { ("exr.wind", "exr") } else { ("vti.wind", "vti") };
             let path = format!("wind/{}.{}.{ending}", grid.name, scene.clip.tag(frame.number));
             let Some(mut out) = self.folder.create(&path, kind, Some(frame.number))? else { continue };
@@ -87,8 +88,8 @@ fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], fram
     floats(width, height, 3, &samples, &comment.to_string())
 }
 
-/// A box as VTK ImageData with velocities as cell data: XML, then raw appended data, which is its length in bytes as u64 and the
-/// vectors as little-endian f32.
+/// A box as VTK ImageData with velocities as cell data: XML, then raw appended data, namely the number of bytes as u64
+/// and the vectors as little-endian f32.
 fn vti(scene: &Scene, grid: &AirGrid, values: &[Vec3], frame: u32) -> Vec<u8> {
     let [nx, ny, nz] = grid.cells;
     // The extent counts points, one more than cells along each axis: n cells need the points 0 to n.

@@ -46,27 +46,29 @@ pub trait GrowthFrames: Debug + Sync {
     fn frame(&self, asset: usize, nth: u64) -> Option<AssetFrame>;
 }
 
-/// Share of the clip by which the places of the next plant lie later. Own: the golden section spreads them evenly.
+/// Shift of the sample positions from one plant to the next, as a share of the clip. Own: the golden section spreads
+/// them evenly.
 const NEXT_PLANT_SHIFT: f64 = 0.618;
 
-/// Place, as a share of the clip below 1, of sample `k` of `count` of a plant that grows: in the middle of the k-th of equal intervals,
-/// shifted for each plant, so that the samples of many plants cover the clip.
+/// Position in the clip, 0 to below 1, of sample `k` of `count` of a growing plant: the middle of the k-th of equal
+/// intervals, shifted from plant to plant, so that the samples of many plants cover the clip.
 pub(crate) fn sample_place(plant: usize, k: usize, count: usize) -> f64 {
     ((k as f64 + 0.5) / count as f64 + plant as f64 * NEXT_PLANT_SHIFT).fract()
 }
 
-/// Frames of the clip at which the instances of a plant that grows are counted, and of all plants while there is one for each. Own:
-/// the mean of five is within a tenth of that of all frames.
+/// Most frames of the clip at which the instances of a growing plant are counted. Own: the mean of five is within a tenth
+/// of that of all frames.
 const GROWTH_FRAMES: usize = 5;
+/// Most frames at which instances are counted for all plants together, though at least one per plant.
 const GROWTH_FRAMES_OF_ALL: usize = 24;
 
-/// Index of the frame at a share of the clip below 1.
+/// Index of the frame at a position in the clip, 0 to below 1.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, below the number of frames")]
 fn frame_at(place: f64, frames: u64) -> u64 {
     (place * frames as f64) as u64
 }
 
-/// Number of instances that move freely and are shown in a frame of an asset.
+/// Number of freely moving instances that an asset shows in a frame.
 fn shown_instances(asset: &Asset, frame: &AssetFrame) -> u64 {
     let free = asset.instancers.iter().enumerate().filter(|(_, instancer)| instancer.motion == InstancerMotion::Free);
     let shown = free.map(|(i, instancer)| {
@@ -119,7 +121,8 @@ impl EstimateInput<'_> {
     }
 }
 
-/// Counts of the elements of an asset, which estimates multiply by bytes. `weight` and placements are not multiplied in.
+/// Counts of the elements of an asset, which estimates multiply by bytes per element. `weight` and placements are not
+/// multiplied in.
 #[derive(Debug, Clone, Default)]
 pub struct AssetSize {
     /// Number of assets that this one represents in the estimate, itself included.
@@ -148,13 +151,14 @@ pub struct AssetSize {
     pub prototype_vertices: u64,
     /// Triangles of the prototypes, each counted once: what formats with instancing write.
     pub prototype_triangles: u64,
-    /// Points of the meshes of the prototypes at all levels of detail, without hairs where these are curves: what formats with curves write.
+    /// Points of the prototypes' meshes at all levels of detail, without hairs that are written as curves: used by
+    /// formats with curves.
     pub drawn_vertices: u64,
-    /// Triangles of these meshes.
+    /// Triangles of the prototypes' meshes at all levels of detail, without hairs that are written as curves.
     pub drawn_triangles: u64,
-    /// Points of the curves that hairs of the prototypes are, at all levels of detail.
+    /// Points of the curves that represent hairs of the prototypes, at all levels of detail.
     pub hair_points: u64,
-    /// Instances that are tracked one by one; they are among the free ones.
+    /// Instances that are tracked one by one; they are included in the free ones.
     pub tracked_instances: u64,
     /// Points of its clouds, those that move and those that stand still.
     pub points: u64,
@@ -244,7 +248,7 @@ impl AssetSize {
         }
         let size = |(i, (asset, (phases, copies))): (usize, (&Asset, (BTreeSet<u32>, u64)))| {
             let weight = weights.get(i).copied().unwrap_or(1);
-            // In a plan `copies` counts those of all individuals that this asset represents.
+            // In a plan, `copies` counts the placements of all individuals that this asset represents.
             let placements = copies.div_ceil(weight.max(1));
             // Copies that stand still share meshes.
             let still_copies = if asset.moves() && frames > 0 { 1 } else { placements.max(1) };

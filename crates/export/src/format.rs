@@ -32,10 +32,11 @@ pub struct FormatInfo {
     pub about: &'static str,
     /// Folder of a bake that holds its files, unique; a file that a program opens first may stand beside it.
     pub folder: &'static str,
-    /// Whether each file in the folder is named after the asset it holds, for the manifest's lists of files per asset.
+    /// Whether each file in the folder is named after the asset that it contains; the manifest then lists the files per
+    /// asset.
     pub names_assets: bool,
-    /// Whether a bake without a file in the folder notes it: the format stores a part of a scene, of which a scene may have nothing,
-    /// and its exporter has no warning of its own.
+    /// Whether a bake reports that the folder has no file. Set for formats that store only a part of a scene, which some
+    /// scenes lack, and whose exporter has no such warning of its own.
     pub notes_missing_files: bool,
     /// Single files that it can write: endings without the dot, each with one line for listings.
     pub endings: &'static [(&'static str, &'static str)],
@@ -43,7 +44,7 @@ pub struct FormatInfo {
     pub pictures_beside: bool,
     /// What a bake in the format needs of the textures of its scene.
     pub textures: TextureUse,
-    /// Memory that the exporter holds until the end, percent of the bytes it writes; measured.
+    /// Memory that the exporter uses until the end of the bake, as a percentage of the bytes that it writes; measured.
     pub memory_percent: u64,
     /// Estimates the bytes that the format will write, excluding textures in separate files.
     pub estimate: fn(&EstimateInput) -> u64,
@@ -65,7 +66,7 @@ pub struct ExportJob<'a> {
 }
 
 impl ExportJob<'_> {
-    /// The target of formats whose further files stand beside a single file: `file`, or a bake if there is none.
+    /// The target for formats whose additional files stand beside a single file: `file`, or a bake if there is none.
     pub fn target(&self) -> FileTarget {
         match self.file {
             Some(name) => FileTarget::Single(name.to_owned()),

@@ -41,7 +41,7 @@ macro_rules! formats {
     };
 }
 
-// In the order in which they are listed.
+// Formats in the order of listings.
 formats! {
     usd,
     gltf,
@@ -69,7 +69,7 @@ pub struct Warning {
 /// The result of an exporter. The files are recorded by the output folder.
 #[derive(Debug, Clone, Default)]
 pub struct Summary {
-    /// In the order of the scene's assets.
+    /// Warnings in the order of the scene's assets.
     pub warnings: Vec<Warning>,
 }
 

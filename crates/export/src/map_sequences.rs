@@ -1,4 +1,4 @@
-//! Map sequences as files hold them: checked, brought to 0..1, encoded once for as long as they stay the same.
+//! Map sequences as files store them: checked, scaled to 0..1, and encoded again only when they change.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use osier_scene::{MapEncoding, MapFrame, MapLayer, MapSequence};
 struct StoredSample {
     /// Number that the file holds, 0 to 1, before it is quantized.
     value: f32,
-    /// True if it lay above the range.
+    /// Whether the value was above the range.
     cut: bool,
 }
 
@@ -34,11 +34,11 @@ fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
 pub struct Values {
     /// Texel after texel, the channels of a texel together.
     pub samples: Vec<f32>,
-    /// Number of samples that lay above the range and were cut to 1.
+    /// Number of samples above the range, which were clamped to 1.
     pub cut: usize,
 }
 
-/// The stored numbers of a layer of a sequence. `number`: of the frame, for messages.
+/// The stored numbers of a layer of a sequence. `number`: frame number, for messages.
 /// # Errors
 /// X012 for a wrong number of texels; X001 for a number that the layer's encoding does not admit, with its place.
 pub fn values(sequence: &MapSequence, layer: usize, maps: &MapFrame, number: u32) -> Result<Values> {
@@ -78,10 +78,11 @@ pub struct MapEncoder<T> {
     select: fn(&MapSequence) -> Vec<usize>,
     /// Maps of each sequence at the last frame; a map equal to its predecessor is not encoded again.
     last: Vec<Option<MapFrame>>,
-    /// The latest file of each map, used again while the map stays the same.
+    /// The latest file of each map, reused while the map stays the same.
     made: BTreeMap<LayerIndex, Made<T>>,
-    /// Numbers that were cut so far, and map sequence and frame of the first one.
+    /// Number of values that were clamped so far.
     cut: u64,
+    /// Map sequence and frame of the first clamped value.
     first: Option<(String, u32)>,
 }
 
@@ -129,7 +130,7 @@ impl<T: Send + Sync> MapEncoder<T> {
         // Jobs are in the order of sequences and layers; the results are in the same order whatever thread made them.
         let jobs: Vec<LayerIndex> = sequences.iter().enumerate().flat_map(layers).collect();
         let done = osier_base::par::par_map(&jobs, |&at| -> Result<Option<Made<T>>> {
-            // No job for a map that is absent at this frame or is the last frame's.
+            // Skip maps that are absent at this frame or equal to those of the last frame.
             let Some(maps) = now[at.sequence].as_ref().filter(|maps| !self.is_kept(at, maps)) else { return Ok(None) };
             let sequence = &sequences[at.sequence];
             let values = values(sequence, at.layer, maps, number)?;
@@ -147,7 +148,7 @@ impl<T: Send + Sync> MapEncoder<T> {
             let Some(kept) = self.made.get(&at) else { continue };
             let sequence = &sequences[at.sequence];
             if kept.cut > 0 {
-                // Counted at every frame that uses the map, also where its file is an earlier one.
+                // Count at every frame that uses the map, even if its file is from an earlier frame.
                 self.cut += kept.cut as u64;
                 self.first.get_or_insert_with(|| (sequence.name.clone(), number));
             }
@@ -166,7 +167,7 @@ impl<T: Send + Sync> MapEncoder<T> {
         both.is_some_and(|(a, b)| a.is_shared_with(b) || a == b)
     }
 
-    /// X007 if anything was cut. `ending`: of the files.
+    /// X007 if any value was clamped. `ending`: of the files.
     pub fn warning(&self, sequences: &[MapSequence], ending: &str) -> Option<Warning> {
         let (name, number) = self.first.as_ref()?;
         let range = sequences.iter().find(|s| s.name == *name).map_or(0.0, |s| s.height_range);

@@ -13,18 +13,19 @@ use osier_scene::{
     Trs, bent_normal,
 };
 
-/// Points or triangles of a batch, and batches that are formatted before they are written.
-/// Own: 8 batches keep two to eight threads busy and take 50 MB as text; larger values take more memory.
+/// Points or triangles of a batch.
 const BATCH: usize = 1 << 16;
+/// Number of batches that are formatted before they are written. Own: 8 batches keep two to eight threads busy and take
+/// 50 MB as text; larger values take more memory.
 const BATCHES_AT_ONCE: usize = 8;
 
-/// Colour of a vertex without one: materials are multiplied by it.
+/// Colour of a vertex without a colour: materials are multiplied by it.
 const WHITE: [f32; 4] = [1.0; 4];
 
 /// A range of the points or triangles of a part: of a mesh, or of an instance of a prototype.
 pub(super) struct PartRange<'a> {
     pub mesh: &'a Mesh,
-    /// World from the space of `mesh`: the asset's transform after that of the instance.
+    /// Transform from the space of `mesh` to the world: first that of the instance, then that of the asset.
     pub trs: Trs,
     /// Vector that normals are bent by after the transform, see [`bent_normal`]; zero leaves them unchanged.
     pub toward: Vec3,
@@ -86,14 +87,14 @@ impl PartBlock<'_> {
     }
 }
 
-/// All meshes and live instances of an asset at rest as one mesh: its size, and iterators over its parts. Of an asset that
-/// grows over the clip and has a rig, those of the rig.
+/// All meshes and live instances of an asset at rest as one mesh: its size, and iterators over its parts. For an asset
+/// that grows over the clip and has a rig, the meshes and instances of the rig are used.
 pub(super) struct FlattenedAsset<'a> {
     blocks: Vec<PartBlock<'a>>,
     /// Indices into the scene's materials, each once, in the order of their first use.
     pub materials: Vec<u32>,
     known: BTreeSet<u32>,
-    /// Whether some part has texture coordinates; those of the others are zero.
+    /// Whether some part has texture coordinates; parts that have none get zeros.
     pub has_uvs: bool,
     /// Number of points of all parts, each instance counted.
     pub vertices: u64,
@@ -106,14 +107,15 @@ impl<'a> FlattenedAsset<'a> {
     pub fn of(asset: &'a Asset) -> Self {
         let (blocks, materials, known) = (Vec::new(), Vec::new(), BTreeSet::new());
         let mut flattened = Self { blocks, materials, known, has_uvs: false, vertices: 0, triangles: 0 };
-        // A tree that grows over the clip has at rest all that the clip ever shows; its rig is the tree of one age.
+        // At rest, a tree that grows over the clip contains everything that the clip ever shows; its rig is the tree at
+        // one age.
         let grown = asset.rigged.as_deref().filter(|rig| rig.change == ClipChange::Growth);
         let objects = grown.map_or(&asset.meshes, |rig| &rig.meshes);
         let instancers = grown.map_or(&asset.instancers, |rig| &rig.instancers);
         let meshes = objects.iter().map(|o| PartSource::Mesh(&o.mesh));
         for source in meshes.chain(instancers.iter().map(PartSource::Instances)) {
             let mut block = PartBlock { source, vertices: 0, materials: BTreeSet::new() };
-            // A prototype has many instances but is looked at once: its address identifies it within the block.
+            // A prototype has many instances but is examined once: its address identifies it within the block.
             let mut seen: BTreeSet<*const Mesh> = BTreeSet::new();
             let mut vertices = 0;
             let mut materials = Vec::new();
@@ -144,7 +146,7 @@ impl<'a> FlattenedAsset<'a> {
         own.filter(|mesh| mesh.points.len() > BATCH)
     }
 
-    /// Ranges of all points, with the asset's transform `world`.
+    /// All points, part by part, in ranges of at most [`BATCH`] points. `world`: transform of the asset.
     pub fn points(&self, world: Trs) -> impl Iterator<Item = PartRange<'_>> {
         self.blocks.iter().flat_map(move |b| b.parts(world)).flat_map(|Part { mesh, trs, toward }| {
             batch_ranges(0..mesh.points.len()).map(move |range| PartRange { mesh, trs, toward, range, base: 0 })
@@ -196,7 +198,8 @@ pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
         mesh.normals.extend(part.normals.iter().map(|n| bent_normal(transform_normal(&trs, *n), toward)));
         if flattened.has_uvs {
             mesh.uvs.extend_from_slice(&part.uvs);
-            // Once a part has coordinates all have them, zeros where the part has none, so that the lists stay of equal length.
+            // If one part has texture coordinates, the others are filled with zeros, so that the lists have equal
+            // length.
             mesh.uvs.resize(mesh.points.len(), Vec2::ZERO);
         }
     }
@@ -281,7 +284,7 @@ pub(super) fn format_in_parallel<'a, R: Send>(
     mut put: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
     let mut batches: Vec<Vec<PartRange<'a>>> = Vec::new();
-    // Elements that the current batch still takes; 0 opens the first batch at the first range.
+    // Number of elements for which the current batch has room; 0 opens the first batch at the first range.
     let mut room = 0;
     for range in pieces {
         let size = range.range.len();

@@ -36,11 +36,13 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(ObjExporter::new(job.folder.clone(), Arc::clone(&job.textures), job.target()))],
 };
 
-/// Mean bytes of the lines of a vertex, a normal and a texture coordinate, and of a face without its indices. Own: measured on
-/// trees; only estimates use them.
+/// Mean bytes of the line of a vertex. Own: measured on trees, like the next three; only estimates use them.
 const POINT_LINE: u64 = 33;
+/// Mean bytes of the line of a normal.
 const NORMAL_LINE: u64 = 36;
+/// Mean bytes of the line of a texture coordinate.
 const UV_LINE: u64 = 24;
+/// Mean bytes of the line of a face without its indices.
 const FACE_LINE: u64 = 11;
 
 /// Estimate from bytes per line. A bake has a file for each asset, whose vertices nearly all have texture coordinates.
@@ -58,7 +60,8 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.assets.iter().zip(&input.scene.assets).map(of_asset).sum()
 }
 
-/// Vertices and triangles of the instances that are not alive at rest, such as catkins before their release, which no file has.
+/// Vertices and triangles of the instances that are not alive at rest, such as catkins before their release; no file
+/// contains them.
 fn hidden_geometry(asset: &Asset) -> [u64; 2] {
     let mut sum = [0; 2];
     for instancer in &asset.instancers {
@@ -77,7 +80,7 @@ fn file_bytes(vertices: u64, mapped: u64, triangles: u64) -> u64 {
     let digits = vertices.max(1).ilog10() + 1;
     // Indices of a face: three corners with point and normal, and a coordinate where there are any.
     let numbers = if mapped > 0 { 9 } else { 6 };
-    // An index is a blank or a slash and its digits; the vertices before 10^(digits - 1) have one digit less.
+    // An index takes its digits and a blank or a slash; the vertices before 10^(digits - 1) have one digit less.
     let fewer = numbers * 10_u64.pow(digits - 1) / vertices.max(1);
     let face = FACE_LINE + numbers * u64::from(digits) - fewer;
     vertices * (POINT_LINE + NORMAL_LINE) + mapped * UV_LINE + triangles * face
@@ -97,8 +100,8 @@ impl ObjExporter {
         Self { folder, textures, target }
     }
 
-    /// Writes an .obj and its .mtl. `path`: of the .obj; `pictures`: folder of the textures relative to it; `finish`: writes what
-    /// else belongs to them, before the mesh appears under its final name.
+    /// Writes an .obj and its .mtl. `path`: of the .obj; `pictures`: folder of the textures relative to it; `finish`:
+    /// writes the other files that belong to them, before the mesh appears under its final name.
     fn write_pair(
         &self,
         scene: &Scene,
@@ -113,7 +116,7 @@ impl ObjExporter {
         if u32::try_from(count).is_err() {
             return Err(Error::export("X010", "more vertices than OBJ files can number; write .usdc or .glb"));
         }
-        // A foreign library is refused before the pictures are written.
+        // Refuse to overwrite a library that osier did not write, before the pictures are written.
         self.folder.check_name(&library_path)?;
         let out = self.folder.create(path, "obj", None)?;
         let mut lines = LineSink { out, name: path };
@@ -216,8 +219,9 @@ struct Object<'a> {
 }
 
 impl Object<'_> {
-    /// Writes `o`, then all `v`, `vt` and `vn`, then `usemtl` and `f` for each material. `base`: number of the object's first
-    /// vertex: indices count from 1 over the whole file. `plain`: how many vertices of objects before have no `vt`.
+    /// Writes `o`, then all `v`, `vt` and `vn`, then `usemtl` and `f` for each material. `base`: number of the object's
+    /// first vertex: indices count from 1 over the whole file. `plain`: number of vertices of earlier objects without a
+    /// `vt`.
     fn write(&self, lines: &mut LineSink<'_>, base: u64, plain: u64, materials: &[Material]) -> Result<()> {
         lines.put(TextBuffer::default().put("o ").put(self.name).put("\n"))?;
         self.write_points(lines, |t, range| {
@@ -266,8 +270,9 @@ fn line(text: &mut TextBuffer, word: &str, values: &[f32]) {
     text.put(word).list(values, " ").put("\n");
 }
 
-/// A face: `f v/vt/vn` for each corner. The indices of vertex and normal are equal: each vertex has one of each. `base`: number
-/// of the part's first vertex; `plain`: how many vertices before have no `vt`, or `None` if those of the part have none.
+/// A face: `f v/vt/vn` for each corner. The indices of vertex and normal are equal: each vertex has one of each.
+/// `base`: number of the part's first vertex; `plain`: number of earlier vertices without a `vt`, or `None` if the part
+/// has none.
 fn face(text: &mut TextBuffer, corners: [u32; 3], base: u64, plain: Option<u64>) {
     text.put("f");
     for v in corners {
@@ -281,7 +286,7 @@ fn face(text: &mut TextBuffer, corners: [u32; 3], base: u64, plain: Option<u64>)
     text.put("\n");
 }
 
-/// Writes a material. A colour texture is multiplied by `Kd` in many readers, so `Kd` is white beside it.
+/// Writes a material. Many readers multiply a colour texture by `Kd`, so `Kd` is white if there is a texture.
 /// Ns = 1000 (1 - roughness)^2 is the inverse of what Blender's importer computes.
 fn write_material(text: &mut TextBuffer, scene: &Scene, m: &Material, pictures: &str) {
     let map = m.maps.color.and_then(|i| scene.images.get(i as usize));

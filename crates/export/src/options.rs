@@ -9,7 +9,7 @@ use super::{
     vdb::options::VdbOptions,
 };
 
-/// Options of all formats that have some; those of formats that are not written are ignored.
+/// Options of all formats that have options; options of formats that are not written are ignored.
 #[derive(Debug, Clone, Default)]
 pub struct ExportOptions {
     /// Options of USD; those of a single file follow from the [`ExportJob`](super::format::ExportJob).
@@ -20,7 +20,7 @@ pub struct ExportOptions {
     pub gltf_profiles: Vec<Profile>,
     /// Options of POV-Ray; the target comes from the `ExportJob`.
     pub pov: PovOptions,
-    /// Options of points as CSV; without tables in them none is written.
+    /// Options of points as CSV; without table names no file is written.
     pub points: PointsOptions,
     /// Options of OpenVDB files: precision, compression and up axis of voxel grids.
     pub vdb: VdbOptions,

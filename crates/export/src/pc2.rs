@@ -27,7 +27,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: false,
     textures: TextureUse::Unused,
     memory_percent: 0,
-    // Plants that grow have no joints, but points in every frame, as those with motion = "cache".
+    // Growing plants have no joints but points in every frame, as plants with motion = "cache" do.
     estimate: |input| input.per_asset(|a| input.frames * a.deforming_vertices * 12),
     open: |job| vec![Box::new(Pc2Exporter::new(job.folder.clone()))],
 };
@@ -92,8 +92,9 @@ impl Pc2Exporter {
     }
 }
 
-/// Path of the cache of a deforming mesh of an asset, which is named after the asset alone if no other mesh of it deforms. Names of
-/// assets have no dot, so that the mesh `bark` of `twig` is not taken for the asset `twig_bark`.
+/// Path of the cache of a deforming mesh: named after the asset alone if no other mesh of it deforms. The names are
+/// separated by a dot, which asset names do not contain, so that the mesh `bark` of `twig` is not mistaken for the
+/// asset `twig_bark`.
 pub(super) fn cache_path(asset: &Asset, object: &MeshObject) -> String {
     let deforming = asset.meshes.iter().filter(|m| m.motion == MeshMotion::Deforming).count();
     if deforming == 1 { format!("cache/{}.pc2", asset.id) } else { format!("cache/{}.{}.pc2", asset.id, object.name) }
@@ -162,7 +163,7 @@ impl Exporter for Pc2Exporter {
             [a, b, ..] => b.saturating_sub(*a).max(1),
             _ => 1,
         };
-        // The format has one interval: samples after another one are shown at other frames than their own.
+        // The format has a single interval: if another interval follows, later samples are shown at wrong frames.
         let shown = std::iter::successors(self.numbers.first().copied(), |frame| Some(frame.saturating_add(step)));
         let late = self.numbers.iter().copied().zip(shown).find(|(number, shown)| number != shown);
         let warning = late.filter(|_| !self.caches.is_empty()).map(|(number, shown)| Warning {
@@ -174,7 +175,7 @@ impl Exporter for Pc2Exporter {
         for mut cache in self.caches.drain(..) {
             let header = Pc2Header { step, samples: self.numbers.len(), ..cache.header };
             if let Some(mut out) = cache.out.take() {
-                // A bake that stopped early or skipped frames has other counts than were assumed.
+                // A bake that stopped early or skipped frames has other counts than those assumed.
                 if header != cache.header {
                     out.put_at(0, &header.bytes()?)?;
                 }

@@ -210,8 +210,9 @@ impl<'a> PlacedCloud<'a> {
     }
 }
 
-/// Points that are formatted before they are written, and points of a parallel task.
+/// Number of points that are formatted before they are written.
 const POINTS_PER_WRITE: usize = 1 << 20;
+/// Number of points that one parallel task formats.
 const POINTS_PER_TASK: usize = 1 << 16;
 
 /// Writes all visible points with position, radius, colour and integer attributes (0 where a cloud lacks one). An attribute has
@@ -223,7 +224,7 @@ fn write_points<'a>(
     frame: u32,
 ) -> Result<()> {
     let clouds: Vec<PlacedCloud<'a>> = clouds.collect();
-    // Names of all attributes in order of first use, and whether any value of that name needs more than a byte.
+    // Names of all attributes in order of first use, each with whether any value needs more than a byte.
     let mut names: Vec<(&'static str, bool)> = Vec::new();
     let attributes = clouds.iter().flat_map(|c| &c.points.attributes);
     for (name, values) in attributes.filter_map(|a| Some((a.name, a.data.counts()?))) {
@@ -234,7 +235,7 @@ fn write_points<'a>(
             None => names.push((name, wide)),
         }
     }
-    // Counted before the rows are made, because the header with the number of records is written first.
+    // Count first: the header with the number of records is written before the rows.
     let seen = |c: &PlacedCloud<'_>| (0..c.now.positions.len()).filter(|k| c.width(*k) > 0.0).count();
     let count: usize = clouds.iter().map(seen).sum();
     let more: String =
@@ -313,7 +314,7 @@ impl ColorCache {
     }
 }
 
-/// Column that every file of instances has, 0 if an instancer has no such attribute, so that readers can rely on it.
+/// Column of every file of instances, with zeros if an instancer has no such attribute, so that readers can rely on it.
 const FIXED_COLUMN: &str = "wetness";
 
 /// The file of the live instances of an instancer: position, quaternion (w first), scale, scalar attributes, prototype and index.
@@ -431,7 +432,7 @@ impl<'a> VertexColors<'a> {
 /// The colour of each vertex: that of the last material, in the order of the file, whose faces use it, times the vertex's own
 /// colour. A material has its flat colour, or the texel at the vertex where its texture alone has the colour.
 fn mesh_colors(mesh: &Mesh, materials: &[Material], images: &[Image], rank: &BTreeMap<u32, usize>) -> Vec<[u8; 4]> {
-    // White for vertices that no face uses.
+    // Vertices that no face uses are white.
     let mut colors = vec![[255_u8; 4]; mesh.points.len()];
     let mut subsets: Vec<&osier_scene::Subset> = mesh.subsets.iter().collect();
     subsets.sort_by_key(|s| rank.get(&s.material).copied().unwrap_or(usize::MAX));
@@ -456,14 +457,14 @@ fn mesh_colors(mesh: &Mesh, materials: &[Material], images: &[Image], rank: &BTr
     colors
 }
 
-/// The colour texture of a material whose flat colour is white, as that of an imported mesh. The flat colour of a drawn material is
-/// the mean of its texture, which says more than single texels do of a fine pattern.
+/// The colour texture of a material whose flat colour is white, such as that of an imported mesh. The flat colour of a
+/// drawn material is the mean of its texture, which represents a fine pattern better than single texels.
 fn sole_texture<'a>(materials: &[Material], images: &'a [Image], id: u32) -> Option<&'a Image> {
     let material = materials.get(id as usize).filter(|m| m.base_color.iter().all(|c| *c >= 1.0))?;
     images.get(material.maps.color? as usize)
 }
 
-/// Linear colour of an image at texture coordinates; `None` for one of 16 bits. An image of one or two channels is grey.
+/// Linear colour of an image at texture coordinates; `None` for 16-bit images. An image of one or two channels is grey.
 fn linear_texel(image: &Image, uv: Vec2) -> Option<[f32; 3]> {
     let Pixels::U8(samples) = &image.pixels else { return None };
     let channels = usize::from(image.channels);
@@ -485,7 +486,8 @@ fn face_rows(ranges: &[PartRange<'_>]) -> Vec<u8> {
         for corners in range.corners() {
             body.push(3);
             for v in corners {
-                // `write_mesh` has checked that all vertices have numbers below 2^31: the low four bytes are all.
+                // `write_mesh` has checked that all vertices have numbers below 2^31: the low four bytes hold the whole
+                // number.
                 let v = u64::from(v) + range.base;
                 body.extend_from_slice(&v.to_le_bytes()[..4]);
             }

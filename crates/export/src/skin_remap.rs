@@ -15,13 +15,14 @@ pub(super) fn merge_influences(carrier: &[u16], joints: [u16; 4], weights: [f32;
     let mut list: Vec<(u16, f32)> = Vec::with_capacity(4);
     for (j, w) in joints.iter().zip(weights).filter(|(_, w)| *w > 0.0) {
         let carrier = carrier.get(usize::from(*j)).copied().unwrap_or(0);
-        // At most four influences: a linear search is the fastest, and the order of summation is that of the slots.
+        // There are at most four influences: a linear search is the fastest, and they are summed in the order of the
+        // slots.
         match list.iter_mut().find(|(k, _)| *k == carrier) {
             Some((_, sum)) => *sum += w,
             None => list.push((carrier, w)),
         }
     }
-    // Joints that follow the same carrier have been summed; the sums are normalised again if they are not 1 already.
+    // Influences of joints with the same carrier are summed; normalise the sums again if they do not add up to 1.
     list.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let total = list.iter().fold(0.0, |s, (_, w)| s + w);
     let (mut j, mut w) = ([0; 4], [0.0; 4]);

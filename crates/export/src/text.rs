@@ -77,7 +77,7 @@ impl TextBuffer {
         self
     }
 
-    /// Appends another text; a number in it that was not finite counts for this one, too.
+    /// Appends another text; if it contains a number that was not finite, this text does too.
     pub fn append(&mut self, other: &Self) -> &mut Self {
         self.bytes.extend_from_slice(&other.bytes);
         self.finite &= other.finite;

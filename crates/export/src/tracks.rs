@@ -28,7 +28,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: false,
     textures: TextureUse::Unused,
     memory_percent: 0,
-    // Only joints: the number of records that simulations write is unknown before they run.
+    // Only joints are counted: the number of records that simulations write is unknown before they run.
     estimate: |input| input.per_asset(|a| input.frames * a.joints * a.placements * 36),
     open: |job| vec![Box::new(TracksExporter::new(job.folder.clone()))],
 };
@@ -74,7 +74,7 @@ impl TracksExporter {
         Self { folder, scene: None, files: BTreeMap::new() }
     }
 
-    /// Appends a frame's records to the file of their table; X001 if its columns are not those of the frames before.
+    /// Appends a frame's records to the file of their table; X001 if the columns differ from those of earlier frames.
     fn append(&mut self, table: &RecordTable, frame: u32) -> Result<()> {
         let name = table.name;
         let columns: Vec<ColumnInfo> = table.columns.iter().map(ColumnInfo::of).collect();

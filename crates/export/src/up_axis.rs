@@ -51,7 +51,7 @@ impl UpAxis {
         }
     }
 
-    /// Scale factors along the scene's axes as factors along those of the stage: permuted, without a sign.
+    /// Converts scale factors along the scene's axes to factors along those of the stage: permuted, without a sign.
     pub(super) fn stage_scale(self, s: Vec3) -> Vec3 {
         match self {
             Self::Y => s,

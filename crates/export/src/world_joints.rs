@@ -26,7 +26,7 @@ pub(super) fn world_joints(scene: &Scene, frame: &Frame) -> Option<Vec<WorldJoin
         let Some((skeleton, state)) = both.and_then(|(asset, state)| Some((asset.skeleton.as_ref()?, state))) else {
             continue;
         };
-        // A skeleton without joints still makes the table exist, with no rows at this frame.
+        // Even a skeleton without joints makes the table exist, with no rows at this frame.
         any = true;
         let rest = skeleton.rest_pose();
         let pose = if state.pose.len() == rest.len() { &state.pose } else { &rest };

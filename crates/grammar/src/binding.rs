@@ -7,7 +7,7 @@ use super::symbols::{SymbolId, Symbols};
 use super::token::{NameTable, SourcePlace};
 use osier_base::rng::word;
 
-/// Turtle commands that symbols have before `bind` changes them.
+/// Turtle commands that the symbols of a grammar stand for before a `bind` item changes them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Dialect {
     /// All turtle commands of cpfg, including those of several symbols that begin with `@`, `~` or `?`.
@@ -34,18 +34,19 @@ impl Dialect {
     }
 }
 
-/// Numbers after the name of the turtle, as in `turtle: lparser angle = 20 thickness = 30`; percentages become shares.
+/// Numeric settings after the turtle's name, as in `turtle: lparser angle = 20 thickness = 30`; percentages are stored as
+/// fractions.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DialectSettings {
-    /// Turn of commands without a number, degrees.
+    /// Angle of rotation commands without a parameter, degrees.
     pub angle_deg: Option<f64>,
-    /// LParser: diameter of segments as a share of their length; 1 if `None`.
+    /// LParser: diameter of segments as a fraction of their length; 1 if `None`.
     pub thickness: Option<f64>,
-    /// LParser: least diameter, as a share of the length that steps begin with.
+    /// LParser: smallest diameter, as a fraction of the initial step length.
     pub min_thickness: f64,
-    /// LParser: the number that stands for the length that steps begin with; 1 if `None`.
+    /// LParser: the parameter value that equals the initial step length; 1 if `None`.
     pub unit: Option<f64>,
-    /// LParser: share, above 0 and below 1, with which what the last step makes is drawn.
+    /// LParser: fraction of the last derivation step that is drawn, above 0 and below 1.
     pub fraction: Option<f64>,
 }
 
@@ -97,20 +98,20 @@ pub enum TurtleAction {
 #[derive(Debug, Clone)]
 pub(crate) struct SymbolBinding {
     pub action: TurtleAction,
-    /// Number of the action for modules without a parameter, an expression of the angles.
+    /// Number of the action for modules without a parameter: an expression that may use the angles.
     pub value: Option<Bytecode>,
-    /// Where it was bound; `None`: by the dialect.
+    /// Place of the `bind` item; `None` if the dialect sets the binding.
     pub place: Option<SourcePlace>,
 }
 
-/// A value that is drawn anew for every module (`define-angle:`).
+/// A named value that `define-angle:` computes anew for every module.
 #[derive(Debug, Clone)]
 pub(crate) struct AngleDefinition {
     pub name: u32,
-    /// Hash of its name: the address of its random draws.
+    /// Hash of the name, which addresses the random draws of the angle.
     pub draw_key: u64,
     pub code: Bytecode,
-    /// Where it was defined; `None`: by the dialect.
+    /// Place of the definition; `None` if the dialect defines the angle.
     pub place: Option<SourcePlace>,
 }
 
@@ -119,15 +120,15 @@ pub(crate) struct AngleDefinition {
 pub(crate) struct TurtleBindings {
     pub dialect: Dialect,
     pub settings: DialectSettings,
-    /// Of several productions that apply, the first one in the file is taken, as in the program of the dialect.
+    /// True if the first production in the file that applies is chosen, as the program of the dialect does.
     pub first_applies: bool,
-    /// The expression of an angle may use the angles before it.
+    /// Angles in the order of definition; the expression of an angle may use the earlier ones.
     pub angles: Vec<AngleDefinition>,
     pub symbols: BTreeMap<SymbolId, SymbolBinding>,
 }
 
 impl TurtleBindings {
-    /// Without bindings and angles, except for [`Dialect::Catkin`], whose table of symbols is entered here.
+    /// An empty set of bindings and angles; for [`Dialect::Catkin`], one filled with its table of symbols.
     pub fn new(dialect: Dialect, symbols: &mut Symbols, names: &mut NameTable) -> Self {
         let mut out = Self { dialect, ..Self::default() };
         if dialect == Dialect::Catkin {

@@ -51,11 +51,11 @@ pub(crate) enum RandomFunction {
     Nran,
     Bran,
     Biran,
-    /// Between two bounds; angles only.
+    /// Random number between two bounds, evenly distributed; only in angle definitions.
     Uniform,
 }
 
-/// Functions that read the tables of companion files; the first argument is a number of a function or of a curve.
+/// Functions that read the tables of companion files; the first argument is the number of a function or of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum TableFunction {
     Func,
@@ -65,7 +65,7 @@ pub(crate) enum TableFunction {
 }
 
 impl TableFunction {
-    /// The function of a name, with its number of arguments.
+    /// The function with this name, and its number of arguments; `None` for other names.
     pub fn named(name: &str) -> Option<(Self, usize)> {
         Some(match name {
             "func" => (Self::Func, 2),
@@ -109,14 +109,14 @@ pub(crate) enum Op {
     /// Operator and index into [`Bytecode::places`], for division by zero.
     Binary(BinaryOp, usize),
     Random(RandomFunction),
-    /// Pairs of (value, share) on the stack.
+    /// Pops this number of pairs (value, share); pushes one of the values, drawn in proportion to the shares.
     Choose(usize),
     Srand,
     /// Pushes a bound of the last interpretation: least x, y, z, then greatest x, y, z.
     Bounds(u8),
-    /// Function of a table, and index into [`Bytecode::places`] for a table that is missing.
+    /// Looks up a table; the index into [`Bytecode::places`] is for the warning about a missing table.
     Table(TableFunction, usize),
-    /// Numbers the next draws as those after the beginning of the run.
+    /// Sets the number of the next random draw back to 0, as at the start of the run.
     RestartDraws,
     Stop,
     /// Pops the arguments of a `printf`, pushes 0; index into [`Bytecode::formats`].
@@ -131,10 +131,10 @@ pub(crate) enum Op {
     Or(usize),
     /// Pops; pushes 1 or 0.
     Bool,
-    /// Calls a function with the arguments on the stack, which its value replaces; index into [`Bytecode::functions`].
+    /// Calls a function: pops its arguments and pushes its value; index into [`Bytecode::functions`].
     Call(usize),
-    /// Counts a statement, or the test of a loop, against the budget, and ends a loop of too many iterations; index into
-    /// [`Bytecode::places`].
+    /// Counts a statement or a loop test against the budget of statements, and ends a loop of too many iterations; index
+    /// into [`Bytecode::places`].
     Count(usize),
 }
 
@@ -149,15 +149,16 @@ pub(crate) struct Bytecode {
     pub elements: Vec<ElementAccess>,
     /// Operands of [`Op::Print`]; their `place` is an index into `places`.
     pub formats: Vec<PrintFormat>,
-    /// The functions that [`Op::Call`] calls, which are set when all of the grammar is read.
+    /// The functions that [`Op::Call`] calls; set once the whole grammar is read.
     pub functions: Option<Arc<OnceLock<Vec<CalledFunction>>>>,
 }
 
-/// A function that runs as code of its own, as it calls itself. Its parameters are the local variables of its code.
+/// A recursive function, compiled to code of its own. Its parameters are the local variables of its code.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct CalledFunction {
     pub parameters: usize,
-    /// An expression, which leaves its value on the stack; its calls are of functions of the code that called it.
+    /// An expression that leaves its value on the stack; the indices of its [`Op::Call`]s refer to the functions of the
+    /// calling code.
     pub code: Bytecode,
     pub place: SourcePlace,
 }
@@ -170,8 +171,8 @@ pub(crate) struct ArrayShape {
     pub sizes: Vec<u32>,
 }
 
-/// An access to an element of an array: the array, and the place in the source for messages. The indices are on the stack when
-/// it runs.
+/// An access to an array element: the array, and the place in the source for messages. The indices lie on the stack at run
+/// time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ElementAccess {
     pub shape: ArrayShape,
@@ -180,7 +181,7 @@ pub(crate) struct ElementAccess {
 }
 
 impl ArrayShape {
-    /// Slot of the element with these indices, cut to integers; `None` outside the array.
+    /// Slot of the element with these indices, truncated to integers; `None` outside the array.
     pub fn slot(&self, indices: &[f64]) -> Option<usize> {
         let mut offset = 0_usize;
         for (index, size) in indices.iter().zip(&self.sizes) {
@@ -197,8 +198,8 @@ impl ArrayShape {
     }
 }
 
-/// A parameter of a successor. Constants and plain variables, the common cases, need no machine and no memory of their own: a
-/// long axiom has millions of them.
+/// A parameter of a successor. Constants and plain variables, the common cases, need neither the stack machine nor memory of
+/// their own, since a long axiom has millions of them.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Expr {
     Const(f64),
@@ -262,14 +263,14 @@ impl Bytecode {
         self.ops.iter().any(|o| matches!(o, Op::Print(_)))
     }
 
-    /// True also for writes to elements of arrays and for `stop`.
+    /// True if the code assigns a global variable or an array element, or calls `stop`.
     pub fn writes_globals(&self) -> bool {
         self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::StoreElement(_) | Op::Stop))
     }
 }
 
 impl UnaryOp {
-    /// The function of a name, where the name takes one argument.
+    /// The function of one argument with this name; `None` for other names.
     pub fn named(name: &str) -> Option<Self> {
         Some(match name {
             "sin" => Self::Sin,
@@ -331,7 +332,7 @@ pub(crate) fn is_zero(x: f64) -> bool {
 }
 
 impl BinaryOp {
-    /// Value, and whether a division by zero was met (the numerator stands for x/0, 0 for x%0).
+    /// The result, and whether a division by zero occurred: then the result is the numerator for `/` and 0 for `%`.
     #[allow(clippy::float_cmp, reason = "the grammar language compares exactly")]
     pub fn apply(self, a: f64, b: f64) -> (f64, bool) {
         let value = match self {
@@ -355,7 +356,7 @@ impl BinaryOp {
     }
 }
 
-/// Remainder of both sides cut to integers, with the sign of the left one.
+/// Remainder of the operands truncated to integers; it has the sign of the left operand.
 fn remainder(a: f64, b: f64) -> (f64, bool) {
     let (a, b) = (a.trunc(), b.trunc());
     if is_zero(b) || !a.is_finite() || b.is_nan() {

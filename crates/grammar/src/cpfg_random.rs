@@ -1,7 +1,7 @@
-//! The random numbers of the program cpfg, in its order, so that its strings come out again.
+//! Random numbers of the program cpfg, drawn in its order, so that osier reproduces its strings.
 //!
 //! cpfg draws from two linear congruential generators of 48 bits: one chooses productions, the other serves the functions of
-//! the language. Both run on from module to module, unlike osier's own draws, which have addresses.
+//! the language. Both continue from module to module, whereas osier's own draws are addressed by module.
 
 use osier_base::math;
 
@@ -10,9 +10,9 @@ const MULTIPLIER: u64 = 0x5_DEEC_E66D;
 const ADDEND: u64 = 0xB;
 /// States are numbers of 48 bits.
 const BITS: u32 = 48;
-/// Low 16 bits of a state that a seed begins with, as in srand48 of POSIX.
+/// Low 16 bits of the state that a seed sets, as in srand48 of POSIX.
 const SEED_LOW: u64 = 0x330E;
-/// Trials of one binomial variate at most, so that a huge n ends; the same as for draws that are not cpfg's.
+/// Limit on the trials of one binomial variate, so that a huge n ends; equal to the limit of osier's own draws.
 const MAX_TRIALS: f64 = 1e6;
 
 /// State of a linear congruential generator, a number of 48 bits.
@@ -26,7 +26,7 @@ impl Generator {
         self.0 as f64 / (1_u64 << BITS) as f64
     }
 
-    /// The next number above 0, below 1; numbers that are 0 are drawn and dropped.
+    /// The next number above 0 and below 1; zeros are skipped.
     fn next_positive(&mut self) -> f64 {
         loop {
             let u = self.next();
@@ -53,7 +53,7 @@ impl Default for CpfgRandom {
 }
 
 impl CpfgRandom {
-    /// `srand(seed)`: the functions begin anew, the choice of productions runs on.
+    /// `srand(seed)`: restarts the generator of the functions; the generator that chooses productions continues.
     pub fn seed(&mut self, seed: i64) {
         // Two's complement: 32 bits of the seed above the 16 fixed ones.
         let bits = seed.cast_unsigned() & 0xFFFF_FFFF;
@@ -61,7 +61,7 @@ impl CpfgRandom {
         self.spare = None;
     }
 
-    /// The number that one module of the string takes in a step, 0 to below 1.
+    /// The number that each module of the string draws in a step to choose its production, 0 to below 1.
     pub fn choice(&mut self) -> f64 {
         self.choice.next()
     }
@@ -91,7 +91,7 @@ impl CpfgRandom {
     /// `bran(a, b)`; 0 for shapes that are not positive.
     /// Source: algorithm BA of R. C. H. Cheng, Communications of the ACM 21 (1978), 317.
     pub fn beta(&mut self, a: f64, b: f64) -> f64 {
-        // Attempts in which even shapes of a thousandth and of a million have long been accepted.
+        // Limit on rejection attempts; shapes from 0.001 to a million are accepted after far fewer.
         const MAX_ATTEMPTS: usize = 100_000;
         if !(a > 0.0 && b > 0.0) {
             return 0.0;
@@ -111,7 +111,7 @@ impl CpfgRandom {
         a / sum
     }
 
-    /// `biran(n, p)`: one number a trial, successes are those of at most p.
+    /// `biran(n, p)`: draws one number for each trial; a trial whose number is at most p is a success.
     pub fn binomial(&mut self, n: f64, p: f64) -> f64 {
         let trials = n.trunc().clamp(0.0, MAX_TRIALS);
         let (mut done, mut successes) = (0.0, 0.0);

@@ -13,7 +13,7 @@ use super::modules::Module;
 use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, RandomStreams, Vm};
 
-/// Slots of the local variables, here angles, that a code reads.
+/// Slots of the local variables (here the angles) that the code reads.
 fn angles_read(code: &Bytecode) -> impl Iterator<Item = usize> {
     code.ops.iter().filter_map(|o| if let Op::Local(i) = o { Some(usize::from(*i)) } else { None })
 }
@@ -22,7 +22,7 @@ fn angles_read(code: &Bytecode) -> impl Iterator<Item = usize> {
 fn required_angles(code: &Bytecode, angles: &[AngleDefinition]) -> Vec<usize> {
     let mut wanted = vec![false; angles.len()];
     angles_read(code).filter(|i| *i < angles.len()).for_each(|i| wanted[i] = true);
-    // An angle is made of earlier ones only, so that one pass from the last to the first reaches all.
+    // The expression of an angle uses earlier angles only, so that one pass from the last to the first finds all of them.
     for i in (0..angles.len()).rev() {
         if wanted[i] {
             angles_read(&angles[i].code).filter(|k| *k < i).for_each(|k| wanted[k] = true);
@@ -42,7 +42,8 @@ pub struct BindingEvaluator<'g> {
 }
 
 impl<'g> BindingEvaluator<'g> {
-    /// Evaluator for the modules of `derived`, with the seed, plant, step and global variables at the end of that derivation.
+    /// Creates an evaluator for the modules of `derived`, with the seed, plant, step and global variables at the end of that
+    /// derivation.
     pub fn new(grammar: &'g Grammar, derived: &DerivedString, limits: &Limits) -> Self {
         let bindings = grammar.program.turtle.as_ref();
         let streams = RandomStreams::new(derived.seed, derived.plant_id, derived.file_seed);
@@ -50,7 +51,7 @@ impl<'g> BindingEvaluator<'g> {
         vm.globals.clone_from(&derived.globals);
         vm.step = derived.steps;
         vm.statement_limit = limits.get("statements");
-        // Only the angles that a value depends on are drawn; resolved once here, not for each module.
+        // Only the angles that a value depends on are drawn. The dependencies are resolved here once, not for each module.
         let required = |r: &TurtleBindings| {
             let list = r.symbols.iter().filter_map(|(s, b)| Some((*s, required_angles(b.value.as_ref()?, &r.angles))));
             list.collect()
@@ -59,22 +60,22 @@ impl<'g> BindingEvaluator<'g> {
         Self { required: bindings.map(required).unwrap_or_default(), bindings, vm, angles }
     }
 
-    /// The turtle's commands before any is bound.
+    /// The dialect, which gives the turtle commands of symbols without a binding.
     pub fn dialect(&self) -> Dialect {
         self.bindings.map_or(Dialect::Cpfg, |r| r.dialect)
     }
 
-    /// Numbers of the turtle that the file holds, if it is one of another program.
+    /// Numeric settings of the `turtle:` item; defaults in a grammar without one.
     pub fn settings(&self) -> DialectSettings {
         self.bindings.map_or_else(DialectSettings::default, |r| r.settings)
     }
 
-    /// Number of the last step of the derivation: the birth of the modules that it made.
+    /// Number of the last derivation step, which is the birth of the modules made in it.
     pub fn last_step(&self) -> u32 {
         self.vm.step
     }
 
-    /// A random number, 0 to 1, of a module: number `k` of its lineage, whatever else the string holds.
+    /// Random number of a module, 0 to 1: draw `k` of its lineage, independent of the rest of the string.
     pub fn draw(&mut self, lineage: u64, k: u64) -> f64 {
         let unit = Bytecode { ops: vec![Op::Const(1.0), Op::Random(RandomFunction::Ran)], ..Bytecode::default() };
         self.vm.begin_draws(DrawPurpose::Angle, lineage, None);
@@ -88,15 +89,15 @@ impl<'g> BindingEvaluator<'g> {
         self.bindings?.symbols.get(&symbol).map(|b| &b.action)
     }
 
-    /// The number that a bound module acts with, if it has no parameter: its draws are addressed by its lineage, so that it is
-    /// the same whatever else the string holds.
+    /// The number that a bound module without a parameter acts with. Its draws are addressed by the module's lineage, so
+    /// that they do not depend on the rest of the string.
     pub fn value(&mut self, m: Module<'_>) -> Option<f64> {
         let bindings = self.bindings?;
         let code = bindings.symbols.get(&m.symbol)?.value.as_ref()?;
         for &i in self.required.get(&m.symbol).into_iter().flatten() {
             let angle = &bindings.angles[i];
             self.vm.begin_draws(DrawPurpose::Angle, m.lineage(), None);
-            // Numbered by its name: another angle before it changes none of its draws.
+            // The draw is numbered by the angle's name, so that adding another angle before it does not change it.
             self.vm.set_draw_number(angle.draw_key >> 1);
             let value = self.vm.run(&angle.code, &mut self.angles).unwrap_or(0.0);
             self.angles[i] = value;

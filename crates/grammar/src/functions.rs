@@ -1,15 +1,15 @@
 //! Data that the functions `func`, `curveX`, `curveY`, `curveZ` and `curveGAL` of a grammar read: functions of one variable and
 //! space curves, both cubic B-splines.
 //!
-//! Whoever reads the companion files of a grammar (`.func`, `.fset`, `.con`) fills a [`FunctionTables`] and passes it in
-//! [`crate::GrammarSource::functions`], before the grammar is parsed: names of functions become macros of the grammar. The
-//! compiler keeps the tables beside the code that reads them, so that the derivation needs no further argument.
+//! Fill a [`FunctionTables`] from the companion files of a grammar (`.func`, `.fset`, `.con`) and pass it in
+//! [`crate::GrammarSource::functions`] before the grammar is parsed: names of functions become macros of the grammar. The
+//! compiler stores the tables with the code that reads them, so that the derivation needs no further argument.
 
 use std::collections::BTreeMap;
 
-/// Chords per span of a spline that its length is measured with; their error falls with the square of this number.
+/// Chords per span that approximate a spline to measure its length; the error falls with the square of this number.
 const CHORDS_PER_SPAN: usize = 256;
-/// Halvings of the interval in which a function's parameter is searched: 2^-40 of the domain lies below 1e-9.
+/// Bisections of the interval in which the parameter of a function is searched: 2^-40 of the domain lies below 1e-9.
 const HALVINGS: usize = 40;
 
 /// Where a spline begins and ends with respect to its first and last point.
@@ -27,15 +27,15 @@ pub enum SplineEnds {
 /// A uniform cubic B-spline in space. Source: de Boor's recursion over the control points of the span.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Spline {
-    /// Control points; a multiplicity is written as repeated points, a closed spline repeats its first ones at the end.
+    /// Control points; one of multiplicity n occurs n times, and a closed spline repeats its first points at the end.
     points: Vec<[f64; 3]>,
     knots: Vec<f64>,
     degree: usize,
 }
 
 impl Spline {
-    /// A spline over `points`, each as often as its multiplicity says. Of fewer than four points the degree is lower; without
-    /// points the spline is the origin.
+    /// A spline over `points`, in which points of higher multiplicity are repeated. Fewer than four points give a lower
+    /// degree; without points the spline is the origin.
     pub fn new(points: &[[f64; 3]], ends: SplineEnds) -> Self {
         let mut points = points.to_vec();
         if ends == SplineEnds::Closed {
@@ -57,7 +57,7 @@ impl Spline {
         Self::of_degree(points.to_vec(), points.len().saturating_sub(1).min(1), SplineEnds::Clamped)
     }
 
-    /// A spline with uniform knots, which are clamped or go on beyond both ends.
+    /// A spline with uniform knots, which are clamped at both ends or continue beyond them.
     fn of_degree(points: Vec<[f64; 3]>, degree: usize, ends: SplineEnds) -> Self {
         let count = points.len() + degree + 1;
         let last = points.len().saturating_sub(degree) as f64;
@@ -74,7 +74,7 @@ impl Spline {
         self.spans()
     }
 
-    /// The curve with other control points, one for each of its own.
+    /// The curve with each control point replaced by its image under `of`.
     pub fn with_points(&self, of: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         Self { points: self.points.iter().map(|p| of(*p)).collect(), ..self.clone() }
     }
@@ -88,7 +88,7 @@ impl Spline {
     pub fn at(&self, t: f64) -> [f64; 3] {
         let t = if t > 0.0 { t.min(1.0) } else { 0.0 };
         let u = t * self.spans() as f64;
-        // The last span whose start is not beyond u; the end of the domain belongs to the last one.
+        // The last span whose start is not beyond u; the end of the domain belongs to the last span.
         let starts = self.knots.get(self.degree..self.degree + self.spans()).unwrap_or(&[]);
         let Some(k) = starts.partition_point(|start| *start <= u).checked_sub(1) else { return [0.0; 3] };
         let k = k + self.degree;
@@ -104,7 +104,7 @@ impl Spline {
         d.get(self.degree).copied().unwrap_or([0.0; 3])
     }
 
-    /// Length of the curve, by chords.
+    /// Length of the curve, approximated by chords.
     pub fn length(&self) -> f64 {
         let n = self.spans().saturating_mul(CHORDS_PER_SPAN);
         let point = |i: usize| self.at(i as f64 / n.max(1) as f64);
@@ -124,15 +124,15 @@ impl Spline {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DataFunction {
     spline: Spline,
-    /// Values at equal distances of x, interpolated linearly; empty: the spline itself is solved for x.
+    /// Values at equally spaced x, interpolated linearly; empty if the spline itself is solved for x.
     samples: Vec<f64>,
     /// True for a graph whose abscissas need not go from 0 to 1.
     is_graph: bool,
 }
 
 impl DataFunction {
-    /// The function through a clamped spline of points (x, y). `samples` of two or more: a table of as many values, as
-    /// `function: FILE n` asks for.
+    /// The function through a clamped spline of points (x, y). Two or more `samples` tabulate it with that number of values,
+    /// as `function: FILE n` requests.
     pub fn new(points: &[[f64; 2]], samples: usize) -> Self {
         let points: Vec<[f64; 3]> = points.iter().map(|p| [p[0], p[1], 0.0]).collect();
         let mut function = Self { spline: Spline::new(&points, SplineEnds::Clamped), ..Self::default() };
@@ -143,12 +143,13 @@ impl DataFunction {
         function
     }
 
-    /// The function whose graph is a curve with abscissas that grow; x is clamped to those of its ends.
+    /// The function whose graph is a curve with increasing abscissas; x is clamped to the abscissas of its ends.
     pub fn of_graph(spline: Spline) -> Self {
         Self { spline, is_graph: true, ..Self::default() }
     }
 
-    /// y where the abscissa of the spline is `x`, which is clamped to 0..1, or to the ends of a graph. NaN counts as 0.
+    /// y at the parameter where the spline's abscissa equals `x`, which is clamped to 0..1, or to the ends of a graph. NaN
+    /// counts as 0.
     pub fn value(&self, x: f64) -> f64 {
         if self.is_graph {
             return self.solve(if x.is_nan() { 0.0 } else { x });
@@ -163,7 +164,8 @@ impl DataFunction {
     }
 
     fn solve(&self, x: f64) -> f64 {
-        // At and beyond its ends the spline is its end points, which halving reaches only nearly where it stands upright.
+        // At and beyond the ends of the domain return the end points: bisection only approximates them where the spline is
+        // vertical.
         for end in [0.0, 1.0] {
             let p = self.spline.at(end);
             if (p[0] - x) * (1.0 - 2.0 * end) >= 0.0 {
@@ -171,7 +173,7 @@ impl DataFunction {
             }
         }
         let (mut low, mut high) = (0.0, 1.0);
-        // The abscissa grows with the parameter: an interval around the solution is halved.
+        // The abscissa grows with the parameter, so that bisection finds the solution.
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
             if self.spline.at(middle)[0] < x {
@@ -195,15 +197,15 @@ struct MeasuredCurve {
 pub struct FunctionTables {
     functions: BTreeMap<u32, DataFunction>,
     curves: BTreeMap<u32, MeasuredCurve>,
-    /// Macros: names in upper case.
+    /// Numbers of functions by the macro that names each: the name in upper case.
     names: BTreeMap<String, u32>,
-    /// Names as their files have them, up to a blank and as a whole.
+    /// Numbers of functions by name as written in the file: once up to the first blank and once as a whole.
     written: BTreeMap<String, u32>,
 }
 
 impl FunctionTables {
-    /// Adds function number `id`. Its name in upper case becomes a macro of the grammar that stands for the number; as it is written
-    /// it stands for the number where no variable has the name.
+    /// Adds function number `id`. Its name in upper case becomes a macro of the grammar, which stands for the number; the
+    /// name as written stands for the number unless a variable has that name.
     pub fn add_function(&mut self, id: u32, name: &str, function: DataFunction) {
         self.functions.insert(id, function);
         let word =
@@ -213,7 +215,7 @@ impl FunctionTables {
         if is_name(&upper) {
             self.names.insert(upper, id);
         }
-        // cpfg reads a name up to its first blank. Of several functions of one name it is the last one.
+        // cpfg reads a name up to its first blank. If several functions share a name, the last one counts.
         for written in [word(name), word(name.split_whitespace().next().unwrap_or(""))] {
             if is_name(&written) {
                 self.written.insert(written, id);
@@ -221,7 +223,7 @@ impl FunctionTables {
         }
     }
 
-    /// Number of the function whose name is written so in its file.
+    /// Number of the function with this name, as written in its file.
     pub fn id_of(&self, name: &str) -> Option<u32> {
         self.written.get(name).copied()
     }
@@ -263,7 +265,7 @@ impl FunctionTables {
     }
 }
 
-/// A number of the language as the number of a table, cut to an integer.
+/// The number of a table, from a value of the language truncated to an integer.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
 fn number(id: f64) -> Option<u32> {
     (id >= 0.0 && id < f64::from(u32::MAX)).then_some(id as u32)

@@ -17,24 +17,24 @@ use super::program::{Program, SuccessorModule};
 use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
 
-/// Magnitude from which a constant parameter is taken for a mistake, not for a length or an angle.
+/// Magnitude from which a constant parameter is considered a mistake rather than a length or an angle.
 const HUGE: f32 = 1e12;
 
-/// A grammar that was read without errors.
+/// A grammar that was parsed without errors.
 #[derive(Debug, Clone)]
 pub struct Grammar {
-    /// Shared by the copies of a scene: the successors of a long file take a hundred megabytes.
+    /// Shared between all copies of the grammar in a scene: the successors of a long file take a hundred megabytes.
     pub(crate) program: Arc<Program>,
     pub(crate) label: String,
     pub(crate) description: String,
     pub(crate) defines: Vec<Define>,
     pub(crate) notes: Vec<Diagnostic>,
-    /// Texts that diagnostics of the derivation point into.
+    /// Source texts that diagnostics of the derivation point into.
     pub(crate) sources: Sources,
     pub(crate) expansions: Vec<(String, SourcePlace)>,
     pub(crate) start: SourcePlace,
     pub(crate) notation: Notation,
-    /// Colours of colour indices, sRGB, that the file itself holds.
+    /// sRGB colours by colour index that the grammar file itself defines.
     pub(crate) palette: Vec<(u8, [u8; 3])>,
 }
 
@@ -44,73 +44,73 @@ impl Grammar {
         &self.label
     }
 
-    /// The notation given to `parse_as`, or else detected from the content and the name of the file.
+    /// The notation given to `parse_as`, or otherwise the one detected from the file's content and name.
     pub fn notation(&self) -> Notation {
         self.notation
     }
 
-    /// Colours, sRGB, that the file itself gives to colour indices.
+    /// sRGB colours by colour index that the grammar file itself defines.
     pub fn palette(&self) -> &[(u8, [u8; 3])] {
         &self.palette
     }
 
-    /// The curve of the file that a parameter stands for; `None` if it stands for none.
+    /// The curve of the file whose number is `id`, a parameter value; `None` if there is no such curve.
     pub fn curve(&self, id: f64) -> Option<&Spline> {
         self.program.curves.spline(id)
     }
 
-    /// Value at `x` of the function whose graph is such a curve, in a plane; `None` if there is none.
+    /// Value at `x` of the function whose graph is the plane curve with number `id`; `None` if there is no such curve.
     pub fn curve_value(&self, id: f64, x: f64) -> Option<f64> {
         self.program.curves.value(id, x)
     }
 
-    /// The comment that opens the file.
+    /// The comment at the beginning of the file.
     pub fn description(&self) -> &str {
         &self.description
     }
 
-    /// Its `#define`s without arguments, in file order: what `--set` can change.
+    /// The `#define`s without arguments, in file order; `--set` can change their values.
     pub fn defines(&self) -> &[Define] {
         &self.defines
     }
 
-    /// Notes that only a verbose run shows.
+    /// Notes, which only a verbose run prints.
     pub fn notes(&self) -> &[Diagnostic] {
         &self.notes
     }
 
-    /// Derivation length of the file, which `DeriveOptions::steps` may replace.
+    /// Derivation length in the file, which `DeriveOptions::steps` may replace.
     pub fn steps(&self) -> u32 {
         self.program.length
     }
 
-    /// True with a `Seed:` or a `turtle:`: productions compete by weight.
+    /// True if productions compete by weight, because the grammar has a `Seed:` or `turtle:` item.
     pub fn is_stochastic(&self) -> bool {
         self.program.is_stochastic()
     }
 
-    /// True for a tuft of hairs: its turtle is a catkin's, or a symbol is bound to its stalk.
+    /// True for a tuft of hairs: the turtle dialect is that of catkins, or a symbol is bound to the stalk.
     pub fn is_tuft(&self) -> bool {
         let turtle = self.program.turtle.as_ref();
         let stalk = |t: &TurtleBindings| t.symbols.values().any(|b| b.action == TurtleAction::Organ("stalk".into()));
         turtle.is_some_and(|t| t.dialect == Dialect::Catkin || stalk(t))
     }
 
-    /// True for a grammar of another program, which says how thick its stems are: by its notation, or by the turtle that a conversion
-    /// to osier keeps.
+    /// True for a grammar of another program, which defines the thickness of its stems itself: its notation says so, or the
+    /// `turtle:` item that a conversion to osier's notation wrote.
     pub fn is_foreign(&self) -> bool {
         let turtle = self.program.turtle.as_ref();
         matches!(self.notation, Notation::Fractint | Notation::LParser | Notation::LPy)
             || turtle.is_some_and(|t| matches!(t.dialect, Dialect::Fractint | Dialect::LParser | Dialect::LPy))
     }
 
-    /// Symbols of the grammar; numbers of modules index into them.
+    /// Symbols of the grammar; the symbol numbers of modules are indices into them.
     pub fn symbols(&self) -> &Symbols {
         &self.program.symbols
     }
 
-    /// Symbols that follow a `~` anywhere, and letters that `bind` names as organs: the organs of the grammar, in order
-    /// of their characters.
+    /// Organs of the grammar, in order of their characters: symbols that follow a `~`, and letters that `bind` names as
+    /// organs.
     pub fn organ_symbols(&self) -> Vec<char> {
         let successors = self.program.productions().map(|p| &p.successor).chain([&self.program.axiom]);
         let symbol = |id| self.program.symbols.get(id);
@@ -146,7 +146,7 @@ impl Grammar {
     /// A string of modules without parameters as text.
     fn print_symbols(&self, symbols: &[SymbolId]) -> String {
         let table = &self.program.symbols;
-        // The usual string, whose symbols are single bytes, is a table look-up for each.
+        // In most strings all symbols are single bytes: then each module is a table look-up.
         let byte = |i: SymbolId| {
             let c = table.get(i);
             u8::try_from(c).ok().filter(|_| c.is_ascii() && table.long_name(c).is_none())
@@ -167,7 +167,8 @@ impl Grammar {
 
     /// Adds a label for each macro use that led to `place`, at most four.
     pub(crate) fn with_macro_chain(&self, mut d: Diagnostic, place: SourcePlace) -> Diagnostic {
-        // Origins are one-based indices of macro uses; each use has an origin of its own, up to one written in place.
+        // Origins are one-based indices of macro uses. Each use has an origin itself; the chain ends at a use written
+        // outside macros.
         let mut at = place;
         for _ in 0..4 {
             let Some((name, used_at)) = (at.origin as usize).checked_sub(1).and_then(|i| self.expansions.get(i)) else {
@@ -195,8 +196,9 @@ impl Grammar {
         place.unwrap_or(self.start).span
     }
 
-    /// Location of a module of this symbol and number of parameters whose parameter `i` may come out as anything but a
-    /// finite number: the first that computes it by a division, a power or a function, else the first; `None` if none is made.
+    /// Location of a module with this symbol and `arity` parameters whose parameter `i` may be infinite or NaN: the first
+    /// with such a constant, else the first that computes it by an operation that may overflow, else the first at all;
+    /// `None` if no module matches.
     pub fn place_of_parameter(&self, symbol: SymbolId, arity: usize, i: usize) -> Option<Span> {
         let successors = [&self.program.axiom].into_iter().chain(self.program.productions().map(|p| &p.successor));
         let modules: Vec<&SuccessorModule> =
@@ -212,22 +214,22 @@ impl Grammar {
         Error::Input(Box::new(Report { sources: self.sources.clone(), diagnostics, ..Report::default() }))
     }
 
-    /// Texts that the diagnostics of this grammar point into.
+    /// Source texts that the diagnostics of this grammar point into.
     pub fn sources(&self) -> &Sources {
         &self.sources
     }
 }
 
-/// Texts of the numbers printed last: strings repeat the same few parameters, and printing one takes a hundred times as long as
-/// copying its text.
+/// Cache of the texts of recently printed numbers: strings repeat the same few parameters, and formatting a number takes a
+/// hundred times as long as copying its text.
 #[derive(Debug)]
 pub(crate) struct NumberTexts {
-    /// Numbers as bits, each in the slot of its hash, with their texts.
+    /// Bit patterns of numbers with their texts, each in the slot given by its hash.
     slots: Vec<Option<(u32, String)>>,
 }
 
 impl NumberTexts {
-    /// Binary logarithm of the number of slots: some thousand numbers fit into the cache of a processor.
+    /// Binary logarithm of the number of slots: 4096 entries fit into the processor's cache.
     const BITS: u32 = 12;
 
     fn text(&mut self, value: f32) -> &str {

@@ -51,8 +51,9 @@ use std::sync::Arc;
 
 pub use binding::{Dialect, DialectSettings, TurtleAction, TurtleAxis};
 pub use derive::{
-    AskTurtle, DeriveOptions, DerivedString, Interpretation, Prediction, QueryAnswer, QueryValue, TurtleAnswers,
-    derive, derive_deferred, derive_text, derive_with_queries, interpret, interpret_modules, predict,
+    AskTurtle, DeriveOptions, DerivedString, Interpretation, LastStep, Origin, Prediction, QueryAnswer, QueryValue,
+    TurtleAnswers, derive, derive_deferred, derive_part, derive_text, derive_with_queries, interpret,
+    interpret_modules, predict,
 };
 pub use dialect::{ConvertTo, Converted, FileKind, ReadAs, convert, detect, entries};
 pub use evaluate::BindingEvaluator;
@@ -70,28 +71,28 @@ use token::{ParseSession, SourcePlace};
 
 /// A grammar file in memory, with its includes and overrides.
 pub struct GrammarSource<'a> {
-    /// Name in diagnostics; its ending helps to detect the notation.
+    /// Name of the file in diagnostics; its extension helps to detect the notation.
     pub name: &'a str,
     /// Content of the file: UTF-8, or Latin-1 with a warning.
     pub bytes: &'a [u8],
-    /// Finds the files it includes.
+    /// Finds the files that the grammar includes.
     pub includes: &'a mut Includes<'a>,
-    /// Values that replace those of its `#define`s. Those of other names have no effect: [`Grammar::defines`] lists what the
-    /// grammar has.
+    /// Values that replace those of the grammar's `#define`s. Names that the grammar does not define have no effect:
+    /// [`Grammar::defines`] lists those it has.
     pub defines: &'a BTreeMap<String, String>,
-    /// Functions and curves that its expressions read; empty without companion files.
+    /// Functions and curves that the grammar's expressions read; empty without companion files.
     pub functions: Arc<FunctionTables>,
 }
 
-/// Reads a grammar in the notation that its content and name indicate. The texts are added to `sources`, into which all
-/// diagnostics point. Returns the grammar with its warnings.
+/// Parses a grammar in the notation that its content and name indicate. Adds its texts to `sources`, which all diagnostics
+/// refer to. Returns the grammar with its warnings.
 /// # Errors
-/// `Input` with everything that is wrong with the file.
+/// `Input` with all errors of the file.
 pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) -> Result<(Grammar, Vec<Diagnostic>)> {
     parse_as(sources, source, ReadAs::default(), limits)
 }
 
-/// As [`parse`] in a notation that is given, and for an entry of a file that holds several.
+/// Like [`parse`], but with a given notation, and for one entry of a file that holds several.
 /// # Errors
 /// As [`parse`]; L061 if the file has several entries and none is named.
 pub fn parse_as(
@@ -121,7 +122,7 @@ fn parse_cpfg(
     let GrammarSource { name, bytes, includes, defines, functions } = source;
     session.functions = functions;
     let input = preprocess::PreprocessorInput { name, bytes, includes, defines, limits };
-    // Preprocess: includes, conditionals and macros give one list of tokens.
+    // Preprocess: expand includes, conditionals and macros into one list of tokens.
     let preprocessed = preprocess::run(&mut session, sources, input);
     if preprocessed.is_unreadable {
         return Err(input_error(&mut session, sources));
@@ -129,7 +130,7 @@ fn parse_cpfg(
     // Diagnostics without a location point to the start of the main file.
     let main = (first..).zip(sources.ids().skip(first)).map(|(_, id)| id).find(|id| sources.name(*id) == name);
     let start = SourcePlace::start_of(main.unwrap_or(osier_base::diagnostic::SourceId(0)));
-    // Compile all lines even after errors, to report them together; lint only what compiled.
+    // Compile all lines even after errors, so that all are reported; run the lints only if compilation succeeded.
     let tokens = dialect::with_turtle(&mut session, preprocessed.tokens, notation, start);
     let parsed = compile::parse(&mut session, tokens, start);
     if !session.has_errors() {

@@ -33,11 +33,11 @@ pub(super) fn check(session: &mut ParseSession, program: &Program) {
     note_idle_symbols(session, program);
 }
 
-/// Reports what is probably a mistake in a grammar of another program: L011, L012 and L030, and in one with parameters L023 and
-/// L055.
+/// Reports probable mistakes in a grammar of another program: L011, L012 and L030, and for L-Py, whose modules have
+/// parameters, L023 and L055.
 pub(super) fn check_dialect(session: &mut ParseSession, program: &Program, notation: Notation) {
     check_reachability(session, program);
-    // A function of L-Py may open a branch that the production which calls it closes.
+    // In L-Py a function may open a branch that the calling production closes.
     if notation != Notation::LPy {
         check_open_brackets(session, program);
     }
@@ -47,7 +47,7 @@ pub(super) fn check_dialect(session: &mut ParseSession, program: &Program, notat
     }
 }
 
-/// L011, L012: brackets that the axiom or a successor opens and leaves open.
+/// L011, L012: brackets that the axiom or a successor opens but does not close.
 fn check_open_brackets(session: &mut ParseSession, program: &Program) {
     let successors = program.productions().map(|p| (&p.successor, "successor", Some(p.place)));
     for (modules, what, place) in std::iter::once((&program.axiom, "axiom", None)).chain(successors) {
@@ -62,7 +62,7 @@ fn shown(program: &Program, symbol: SymbolId) -> String {
     program.symbols.long_name(c).map_or_else(|| c.to_string(), str::to_owned)
 }
 
-/// L027: a block before the condition has run even if the production is not applied.
+/// L027: a block before the condition runs, and changes global variables, even if the production is then not applied.
 fn check_losers(session: &mut ParseSession, rules: &ProductionSet, stochastic: bool) {
     for p in &rules.list {
         let may_lose = p.condition.is_some() || stochastic;
@@ -74,12 +74,12 @@ fn check_losers(session: &mut ParseSession, rules: &ProductionSet, stochastic: b
     }
 }
 
-/// Symbols that cpfg's turtle acts on by themselves or as the first of a command.
+/// Symbols that are turtle commands of cpfg, alone or as the first character of a command.
 const DRAWN_SYMBOLS: &str = "FGfg+-&^\\/|$[]#!;,'{}._@~?%";
-/// Letters after `@` that a further letter follows, small or capital.
+/// Letters after `@` that a further letter of the command follows, in lower or upper case.
 const LONG_COMMANDS: &str = "bGPm";
 
-/// L037, a note: symbols that are made, but neither rewritten nor drawn nor asked for by a context.
+/// L037, a note: symbols that are produced, but neither rewritten, nor drawn, nor named in a context.
 fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
     let symbol = |id| program.symbols.get(id);
     let predecessors = program.productions().flat_map(|p| p.predecessor.iter().chain(context_modules(p)));
@@ -96,7 +96,7 @@ fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
                 let second = rest.next().map(|t| symbol(t.symbol));
                 let mut ahead = rest.clone();
                 let third = ahead.next().map(|t| symbol(t.symbol));
-                // `@D` and `@T` may stand alone, and their letters are small.
+                // `@D` and `@T` may stand alone; the further letter after them is in lower case.
                 let is_long = match second {
                     Some('D' | 'T') => third.is_some_and(|t| t.is_ascii_lowercase()),
                     Some(s) => LONG_COMMANDS.contains(s),
@@ -128,10 +128,10 @@ fn context_modules(p: &Production) -> impl Iterator<Item = &FormalModule> {
     p.left.iter().chain(&p.right).filter_map(|e| if let ContextElement::Module(f) = e { Some(f) } else { None })
 }
 
-/// Every kind of module that the axiom can turn into, with the place that makes it first.
+/// Every kind of module that the axiom can develop into, with the first place that produces it.
 fn made_kinds(program: &Program) -> BTreeMap<Kind, SourcePlace> {
     let productions: Vec<&Production> = program.productions().collect();
-    // A production is alive once its predecessor and contexts are made: count what each still waits for.
+    // A production can apply once its predecessor and contexts can be produced: count the kinds that each still waits for.
     let mut waiting: BTreeMap<Kind, Vec<usize>> = BTreeMap::new();
     let mut missing: Vec<usize> = Vec::new();
     for (i, p) in productions.iter().enumerate() {
@@ -163,7 +163,7 @@ fn plural(n: usize) -> String {
     if n == 1 { "1 parameter".to_owned() } else { format!("{n} parameters") }
 }
 
-/// Numbers of parameters in words: `1, 2 or 4`.
+/// A list of numbers for messages: `1, 2 or 4`.
 fn listed(numbers: &[usize]) -> String {
     match numbers {
         [] => String::new(),
@@ -175,13 +175,13 @@ fn listed(numbers: &[usize]) -> String {
     }
 }
 
-/// Places that L023 shows of modules with other numbers of parameters.
+/// Limit on the labels of L023, which show modules with other numbers of parameters.
 const MAX_ARITY_LABELS: usize = 4;
 
-/// L023: predecessors and contexts whose number of parameters is never made.
+/// L023: predecessors and contexts whose number of parameters no production produces.
 fn check_arities(session: &mut ParseSession, program: &Program) {
     let made = made_kinds(program);
-    // Symbols that nothing at all makes are the business of L030, as are kinds made only after them.
+    // Symbols that nothing produces at all are reported by L030, and so are kinds that depend on them.
     for p in program.productions() {
         for f in p.predecessor.iter().chain(context_modules(p)) {
             let arity = usize::from(f.arity);
@@ -207,7 +207,7 @@ fn check_arities(session: &mut ParseSession, program: &Program) {
     }
 }
 
-/// L030: predecessors that nothing makes, directly or indirectly, from the axiom.
+/// L030: predecessors that cannot develop from the axiom, directly or indirectly.
 fn check_reachability(session: &mut ParseSession, program: &Program) {
     let mut seen: BTreeSet<SymbolId> = program.axiom.iter().map(|t| t.symbol).collect();
     let mut makes: BTreeMap<SymbolId, BTreeSet<SymbolId>> = BTreeMap::new();
@@ -239,7 +239,7 @@ fn check_reachability(session: &mut ParseSession, program: &Program) {
     }
 }
 
-/// L031: without a seed the first production that applies wins.
+/// L031: productions that never apply because, without a seed, an earlier one always applies first.
 fn check_shadowed(session: &mut ParseSession, rules: &ProductionSet) {
     let mut always: BTreeMap<(SymbolId, u8), SourcePlace> = BTreeMap::new();
     for p in &rules.list {
@@ -256,7 +256,7 @@ fn check_shadowed(session: &mut ParseSession, rules: &ProductionSet) {
     }
 }
 
-/// L032: weights mean nothing without a seed.
+/// L032: weights have no effect without a seed.
 fn check_unused_weights(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
     let mut first: Option<SourcePlace> = None;
     for p in rules.list.iter().filter(|p| p.weight.is_some()) {
@@ -273,8 +273,8 @@ fn check_unused_weights(session: &mut ParseSession, program: &Program, rules: &P
     }
 }
 
-/// L056: in a deterministic grammar a last production without condition is what applies where no other does. With a seed it
-/// competes with them like any other, and is drawn as often.
+/// L056: in a deterministic grammar a final production without a condition applies where no other does. With a seed it
+/// competes with the others and is chosen as often as they are.
 fn check_defaults(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
     let mut groups: BTreeMap<(SymbolId, u8), Vec<&Production>> = BTreeMap::new();
     for p in &rules.list {
@@ -283,7 +283,7 @@ fn check_defaults(session: &mut ParseSession, program: &Program, rules: &Product
         }
     }
     for ((symbol, _), list) in groups {
-        // Weights show that the competition is meant.
+        // Explicit weights show that the competition is intended.
         let always: Vec<&&Production> = list.iter().filter(|p| p.is_unconditional()).collect();
         let conditional = list.iter().find(|p| !p.is_unconditional());
         let (&[default], Some(conditional)) = (always.as_slice(), conditional) else { continue };
@@ -301,7 +301,7 @@ fn check_defaults(session: &mut ParseSession, program: &Program, rules: &Product
     }
 }
 
-/// L035: constant weights of one kind that look like shares of 1 or 100.
+/// L035: constant weights of one kind of module whose sum is close to 1 or 100, but not equal.
 fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
     let mut groups: BTreeMap<(SymbolId, u8), Vec<&Production>> = BTreeMap::new();
     for p in &rules.list {
@@ -317,7 +317,7 @@ fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &Prod
         let constant = |p: &&Production| p.weight.as_ref().and_then(|c: &Bytecode| vm::constant_value(c));
         let Some(weights) = list.iter().map(constant).collect::<Option<Vec<f64>>>() else { continue };
         let sum = weights.iter().fold(0.0, |s, w| s + w);
-        // Sums exactly at 1 or 100 are meant; sums within 15 % of them look like a slip in one weight.
+        // A sum of exactly 1 or 100 is intended; a sum within 15 % of it suggests an error in one weight.
         let near = |whole: f64| (sum - whole).abs() > whole * 1e-3 && (sum - whole).abs() < whole * 0.15;
         if near(1.0) || near(100.0) {
             let c = program.symbols.get(symbol);
@@ -328,7 +328,7 @@ fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &Prod
     }
 }
 
-/// L055: contexts that name a symbol which contexts look past.
+/// L055: contexts that name a symbol which context matching ignores.
 fn check_ignored_contexts(session: &mut ParseSession, program: &Program) {
     let of_system = program.ignored.flags(&program.symbols);
     for p in program.productions().filter(|p| !p.is_context_free()) {

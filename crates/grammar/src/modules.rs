@@ -22,7 +22,7 @@ impl<'a> Module<'a> {
         Self { symbol, params, birth, ancestry: Ancestry::Known(lineage) }
     }
 
-    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
+    /// Hash of the module's ancestry: the same in every derivation that produces the module by the same productions.
     #[inline]
     pub fn lineage(&self) -> u64 {
         match self.ancestry {
@@ -43,7 +43,7 @@ pub(crate) enum Ancestry {
     },
 }
 
-/// Symbol and occurrence of a module in its successor, prepared for its lineage.
+/// Symbol and occurrence of a module in its successor, hashed in advance to compute its lineage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LineageIds {
     symbol: ChildId,
@@ -51,26 +51,26 @@ pub(crate) struct LineageIds {
 }
 
 impl LineageIds {
-    /// For the symbol of Unicode scalar value `code`.
+    /// The ids of a symbol with the Unicode scalar value `code`.
     pub fn new(code: u64, occurrence: u32) -> Self {
         Self { symbol: ChildId::new(code), occurrence: ChildId::new(u64::from(occurrence)) }
     }
 
-    /// Lineage of the module, made from the module of lineage `h`. It does not depend on the position in the string.
+    /// Lineage of the module if it is made from the module of lineage `h`. It does not depend on the position in the string.
     #[inline]
     pub fn lineage(self, h: u64) -> u64 {
         self.occurrence.of(self.symbol.of(h))
     }
 }
 
-/// Consecutive modules of a string, borrowed: symbols, and where the parameters of each end.
+/// Consecutive modules of a string, borrowed: their symbols, and the end of each module's parameters.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ModuleBlock<'a> {
     pub symbols: &'a [SymbolId],
-    /// Per module: end of its parameters, counted from those of the first module.
+    /// Per module: end index of its parameters, relative to the first parameter of the block.
     pub ends: &'a [u32],
-    /// Position of that first parameter in the string, modulo 2^32: it is not in the string if the modules before the block
-    /// were left out.
+    /// Index in the string of the block's first parameter, modulo 2^32, as it wraps when the block leaves out earlier
+    /// modules.
     pub first_param: u32,
 }
 
@@ -78,17 +78,17 @@ pub(crate) struct ModuleBlock<'a> {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ModuleString {
     symbols: Vec<SymbolId>,
-    /// Per module: end of its parameters; empty while no module has any.
+    /// Per module: end index of its parameters; empty while no module has any.
     ends: Vec<u32>,
     params: Vec<f32>,
-    /// Lineages and steps of birth; empty if they are not kept.
+    /// Per module: lineage, and step of birth; both empty if ancestries are not stored.
     lineage: Vec<u64>,
     birth: Vec<u32>,
     has_no_ancestry: bool,
 }
 
 impl ModuleString {
-    /// Constant for views that need a string without modules.
+    /// Empty string for views that need no modules.
     pub(crate) const EMPTY: Self = Self {
         symbols: Vec::new(),
         ends: Vec::new(),
@@ -98,12 +98,12 @@ impl ModuleString {
         has_no_ancestry: false,
     };
 
-    /// An empty string whose modules keep neither lineage nor birth, which then read as 0.
+    /// An empty string that stores neither lineage nor birth; both then read as 0.
     pub(crate) fn without_ancestry() -> Self {
         Self { has_no_ancestry: true, ..Self::default() }
     }
 
-    /// An empty string that keeps ancestries if this one does.
+    /// An empty string that stores ancestries if this one does.
     pub(crate) fn empty(&self) -> Self {
         Self { has_no_ancestry: self.has_no_ancestry, ..Self::default() }
     }
@@ -113,7 +113,7 @@ impl ModuleString {
         self.symbols.len()
     }
 
-    /// True without modules, as after a derivation that stored no string.
+    /// True if the string has no modules, as after a derivation that stored none.
     pub fn is_empty(&self) -> bool {
         self.symbols.is_empty()
     }
@@ -123,13 +123,13 @@ impl ModuleString {
         &self.symbols
     }
 
-    /// Bytes that its modules take.
+    /// Memory of the modules, bytes.
     pub(crate) fn bytes(&self) -> usize {
         let four = self.ends.len() + self.params.len() + self.birth.len();
         2 * self.symbols.len() + 4 * four + 8 * self.lineage.len()
     }
 
-    /// Number of parameters of all modules together.
+    /// Total number of parameters of all modules.
     pub fn param_count(&self) -> usize {
         self.params.len()
     }
@@ -143,7 +143,7 @@ impl ModuleString {
         start..self.ends[i] as usize
     }
 
-    /// Prepares `ends` for modules to be added, whose parameters are appended already; false: no module has parameters yet.
+    /// Prepares `ends` for new modules whose parameters are already appended; false if no module has parameters yet.
     #[inline]
     fn prepare_ends(&mut self) -> bool {
         if self.params.is_empty() && self.ends.is_empty() {
@@ -172,13 +172,13 @@ impl ModuleString {
         (0..self.len()).map(|i| self.get(i))
     }
 
-    /// Appends a parameter of the module that [`ModuleString::finish_module`] will end.
+    /// Appends a parameter of the module that the next [`ModuleString::finish_module`] completes.
     #[inline]
     pub(crate) fn push_param(&mut self, value: f32) {
         self.params.push(value);
     }
 
-    /// Ends a module whose parameters were appended.
+    /// Appends a module whose parameters were appended before.
     #[inline]
     pub(crate) fn finish_module(&mut self, symbol: SymbolId, lineage: u64, birth: u32) {
         if self.prepare_ends() {
@@ -192,13 +192,14 @@ impl ModuleString {
         }
     }
 
-    /// The parameters of all modules, to append those of modules that [`ModuleString::finish_modules`] will end.
+    /// The parameters of all modules; append those of the modules that [`ModuleString::finish_modules`] will complete.
     #[inline]
     pub(crate) fn params_mut(&mut self) -> &mut Vec<f32> {
         &mut self.params
     }
 
-    /// Ends modules whose parameters were appended, from parameter `block.first_param` on. `lineages`: one for each module.
+    /// Appends modules whose parameters, from index `block.first_param` on, were appended before. `lineages`: one for each
+    /// module.
     #[inline]
     pub(crate) fn finish_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
         if self.prepare_ends() {
@@ -211,7 +212,7 @@ impl ModuleString {
         }
     }
 
-    /// Replaces the first parameters of module `i`, which must exist; values that it has no parameter for are left out.
+    /// Replaces the first parameters of module `i`, which must exist; excess values are ignored.
     pub(crate) fn set_params(&mut self, i: usize, values: &[f64]) {
         let range = self.param_range(i);
         for (param, value) in self.params[range].iter_mut().zip(values) {
@@ -227,7 +228,7 @@ impl ModuleString {
         self.finish_module(m.symbol, m.lineage(), m.birth);
     }
 
-    /// Appends modules `range` of another string, which keeps ancestries if this one does.
+    /// Appends modules `range` of `other`, which must store ancestries if this string does.
     pub(crate) fn extend(&mut self, other: &Self, range: std::ops::Range<usize>) {
         if range.is_empty() {
             return;
@@ -251,7 +252,7 @@ impl ModuleString {
         }
     }
 
-    /// Removes all modules and keeps the memory.
+    /// Removes all modules, but keeps the allocated memory.
     pub(crate) fn clear(&mut self) {
         self.symbols.clear();
         self.ends.clear();

@@ -1,6 +1,6 @@
 //! Notations that grammar files are written in.
 
-/// Languages of grammar files: cpfg's notation with one of three turtles, and the formats of three other programs.
+/// Notations of grammar files: that of cpfg with one of three turtle dialects, and the formats of three other programs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Notation {
     /// The notation of cpfg, which is the default of osier.
@@ -14,12 +14,12 @@ pub enum Notation {
     Fractint,
     /// Files of LParser (`.ls`): settings, axiom and productions by position.
     LParser,
-    /// Files of L-Py whose productions are rules and expressions.
+    /// Files of L-Py (`.lpy`).
     LPy,
 }
 
 impl Notation {
-    /// All notations with the words that choose them.
+    /// All notations, with their names in options and scenes.
     pub const ALL: [(&'static str, Self); 6] = [
         ("cpfg", Self::Cpfg),
         ("abop", Self::Abop),
@@ -29,12 +29,12 @@ impl Notation {
         ("lpy", Self::LPy),
     ];
 
-    /// The word of [`Self::ALL`] that stands for the notation.
+    /// The name of the notation in [`Self::ALL`].
     pub fn word(self) -> &'static str {
         Self::ALL.iter().find(|(_, n)| *n == self).map_or("cpfg", |(w, _)| *w)
     }
 
-    /// The notation that a word of [`Self::ALL`] stands for; `None` for every other word, capitals included.
+    /// The notation with this name in [`Self::ALL`]; `None` for other names, also if only the case differs.
     pub fn of_word(word: &str) -> Option<Self> {
         Self::ALL.iter().find(|(w, _)| *w == word).map(|(_, n)| *n)
     }

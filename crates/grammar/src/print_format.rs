@@ -2,7 +2,7 @@
 
 use osier_base::convert::to_usize;
 
-/// Characters that a single number takes at most: a wider or more precise field would only waste memory.
+/// Limit on the width and precision of a number, characters: larger fields would only waste memory.
 const MAX_FIELD: usize = 64;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -23,25 +23,25 @@ struct NumberField {
     conversion: char,
 }
 
-/// A format and what it takes from the stack.
+/// A format of `printf`, and the number of values that its call passes.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PrintFormat {
     parts: Vec<Part>,
-    /// Values that the call passes.
+    /// Number of values that the call passes.
     pub arguments: usize,
-    /// Index into the places of its code.
+    /// Index into the `places` of the bytecode that calls it.
     pub place: usize,
 }
 
 impl PrintFormat {
-    /// The format of a text between quotes, as it stands in the file.
+    /// Parses the text between the quotes, as written in the file.
     pub fn new(text: &str, arguments: usize, place: usize) -> Self {
         let mut parts = Vec::new();
         let mut plain = String::new();
         let mut chars = text.chars().peekable();
         while let Some(c) = chars.next() {
             match c {
-                // Escapes as in C; an unknown one stands for its second character.
+                // Escape sequences of C; an unknown one stands for its second character.
                 '\\' => plain.push(match chars.next() {
                     Some('n') => '\n',
                     Some('t') => '\t',
@@ -57,7 +57,7 @@ impl PrintFormat {
                         parts.push(Part::Text(std::mem::take(&mut plain)));
                         parts.push(Part::Number(field));
                     }
-                    // A `%` that begins no conversion is printed as it is.
+                    // A `%` that does not begin a conversion is printed literally.
                     None => plain.push('%'),
                 },
                 other => plain.push(other),
@@ -67,12 +67,12 @@ impl PrintFormat {
         Self { parts, arguments, place }
     }
 
-    /// Numbers that the format asks for.
+    /// Number of values that the format consumes.
     pub fn fields(&self) -> usize {
         self.parts.iter().filter(|p| matches!(p, Part::Number(_))).count()
     }
 
-    /// The text with these values; a missing one counts as 0.
+    /// The formatted text; missing values count as 0.
     pub fn text(&self, values: &[f64]) -> String {
         let mut values = values.iter();
         let mut out = String::new();
@@ -90,7 +90,7 @@ impl PrintFormat {
 fn number_field(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Option<NumberField> {
     let mut ahead = chars.clone();
     let mut field = NumberField { left: false, zeros: false, plus: false, width: 0, precision: None, conversion: 'g' };
-    // A blank and `#` are flags of C too, and change nothing here.
+    // The flags ` ` and `#` of C are accepted, but have no effect here.
     while let Some(flag) = ahead.next_if(|c| matches!(c, '-' | '0' | '+' | ' ' | '#')) {
         field.left |= flag == '-';
         field.zeros |= flag == '0';
@@ -108,7 +108,7 @@ fn number_field(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Option<
     if ahead.next_if_eq(&'.').is_some() {
         field.precision = Some(digits(&mut ahead));
     }
-    // Length modifiers: all values have double precision.
+    // Skip length modifiers: all values have double precision.
     while ahead.next_if(|c| matches!(c, 'l' | 'h' | 'L')).is_some() {}
     field.conversion = match ahead.next()? {
         'd' | 'i' | 'u' => 'd',
@@ -126,7 +126,7 @@ impl NumberField {
         let precision = self.precision.unwrap_or(6);
         let magnitude = x.abs();
         let digits = match self.conversion {
-            // `inf` or `NaN`, whatever the conversion.
+            // Infinite values and NaN print as `inf` and `NaN` in every conversion.
             _ if !x.is_finite() => format!("{magnitude}"),
             'd' => format!("{:.0}", magnitude.trunc()),
             'f' => format!("{magnitude:.precision$}"),
@@ -141,7 +141,7 @@ impl NumberField {
             ""
         };
         let missing = self.width.saturating_sub(sign.len() + digits.len());
-        // Zeros stand between sign and digits, blanks outside of both.
+        // Padding zeros stand between sign and digits, padding blanks outside.
         match (self.left, self.zeros && x.is_finite()) {
             (true, _) => format!("{sign}{digits}{}", " ".repeat(missing)),
             (false, true) => format!("{sign}{}{digits}", "0".repeat(missing)),
@@ -168,7 +168,7 @@ fn general(x: f64, precision: usize) -> String {
     let power: i32 = power.parse().unwrap_or(0);
     let trim =
         |s: &str| if s.contains('.') { s.trim_end_matches('0').trim_end_matches('.').to_owned() } else { s.to_owned() };
-    // A power below 0 adds leading zeros to the decimals, one of 0 or more takes digits from them.
+    // A negative exponent needs more decimals for its leading zeros, a positive one fewer.
     let decimals = match usize::try_from(power) {
         Ok(power) => precision.checked_sub(power + 1),
         Err(_) => Some(precision - 1 + to_usize(power.unsigned_abs())).filter(|_| power >= -4),

@@ -9,7 +9,7 @@ use super::modules::ModuleString;
 use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
 
-/// A module of a predecessor or context: parameters go to local variables from `slot` on.
+/// A module of a predecessor or context; its parameters are bound to local variables from `slot` on.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FormalModule {
     pub symbol: SymbolId,
@@ -24,7 +24,7 @@ pub(crate) enum ContextElement {
     Module(FormalModule),
     /// `[`: the next module begins a branch.
     Open,
-    /// `]`: nothing but branches may be left in the branch.
+    /// `]`: the rest of the branch up to here may hold only branches.
     Close,
     /// `=]`: skips the rest of the branch.
     CloseRest,
@@ -46,11 +46,11 @@ pub(crate) struct Production {
     pub left: Vec<ContextElement>,
     pub predecessor: Vec<FormalModule>,
     pub right: Vec<ContextElement>,
-    /// Left context in the new string: modules that the part made so far in this step must end with.
+    /// Left context in the new string: the part already produced in this step must end with these modules.
     pub new_left: Vec<ContextElement>,
-    /// Right context in the new string, which is made from its end: only in a program that is derived backward.
+    /// Right context in the new string; only in a program that rewrites backward, from the end of the string.
     pub new_right: Vec<ContextElement>,
-    /// The symbols that its contexts skip, if they are others than those of its L-system.
+    /// The symbols that its contexts skip; `None` if they are those of its L-system.
     pub ignored: Option<IgnoredSymbols>,
     pub before: Option<Bytecode>,
     pub condition: Option<Bytecode>,
@@ -64,17 +64,17 @@ pub(crate) struct Production {
 }
 
 impl Production {
-    /// Applies to every module of its kind.
+    /// True if the production applies to every module with its predecessor's symbol and number of parameters.
     pub fn is_unconditional(&self) -> bool {
         self.condition.is_none() && self.is_context_free() && self.predecessor.len() == 1
     }
 
-    /// Looks at no neighbour.
+    /// True if the production has no contexts.
     pub fn is_context_free(&self) -> bool {
         self.left.is_empty() && self.right.is_empty() && self.new_left.is_empty() && self.new_right.is_empty()
     }
 
-    /// Its statements, and those of its expressions that are code; constant and plain parameters are left out.
+    /// Code of the production: its statements and expressions, except parameters that are constants or plain variables.
     pub fn codes(&self) -> impl Iterator<Item = &Bytecode> {
         let own = [&self.before, &self.condition, &self.after, &self.weight];
         let args = self.successor.iter().flat_map(|t| &t.args);
@@ -89,11 +89,11 @@ pub(crate) struct ProductionSet {
     pub list: Vec<Production>,
     /// Per symbol: (arity, production) in file order.
     by_symbol: Vec<Vec<(u8, u32)>>,
-    /// Expansions of one module by a decomposition or homomorphism (`maximum depth`).
+    /// Largest number of expansions of one module by a decomposition or homomorphism (`maximum depth`).
     pub depth: u32,
-    /// True to report L052 where the maximum depth ends an expansion (`warnings`).
+    /// True to report L052 (`warnings`) when the maximum depth ends an expansion.
     pub warn_depth: bool,
-    /// Value of `Seed:` in a homomorphism; `None` in the other sections, which share one seed, and where it is not given.
+    /// Value of `Seed:` in a homomorphism; `None` without one, and in the other sections, which share one seed.
     pub seed: Option<i64>,
     /// Place of the section's heading.
     pub place: Option<SourcePlace>,
@@ -112,7 +112,7 @@ impl ProductionSet {
         }
     }
 
-    /// Productions whose (first) predecessor is this kind of module, in file order.
+    /// Productions whose (first) predecessor has this symbol and number of parameters, in file order.
     pub fn matching(&self, symbol: SymbolId, arity: usize) -> impl Iterator<Item = &Production> {
         let row = self.by_symbol.get(usize::from(symbol)).map_or(&[][..], Vec::as_slice);
         row.iter().filter(move |(a, _)| usize::from(*a) == arity).filter_map(|(_, i)| self.list.get(*i as usize))
@@ -126,12 +126,12 @@ pub(crate) enum IgnoredSymbols {
     Nothing,
     /// `Ignore:` these symbols.
     Listed(Vec<SymbolId>),
-    /// `Consider:` - all but these.
+    /// `Consider:` all symbols except these.
     AllExcept(Vec<SymbolId>),
 }
 
 impl IgnoredSymbols {
-    /// Per symbol number: true if contexts skip it. Brackets are never skipped by `Consider:`.
+    /// Per symbol number: true if contexts skip the symbol. `Consider:` never lets them skip brackets.
     pub fn flags(&self, symbols: &Symbols) -> Vec<bool> {
         let is_ignored = |(i, c): (SymbolId, char)| match self {
             Self::Nothing => false,
@@ -145,7 +145,7 @@ impl IgnoredSymbols {
 /// Another L-system of the file, whose productions rewrite the modules between `?(label,s)` and `$`.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SubSystem {
-    /// Its label as a number; `None` for a word, which no module can name.
+    /// Label as a number; `None` for a word, which no module can refer to.
     pub label: Option<f64>,
     pub ignored: IgnoredSymbols,
     pub rules: ProductionSet,
@@ -174,7 +174,7 @@ pub(crate) struct ControlBlocks {
     pub start_each: Option<Bytecode>,
     pub end_each: Option<Bytecode>,
     pub end: Option<Bytecode>,
-    /// Number of global variables: every variable that a block assigns.
+    /// Number of global variables: all variables that some block assigns.
     pub globals: usize,
 }
 
@@ -189,7 +189,7 @@ pub(crate) struct Program {
     /// Bindings of symbols to turtle actions; `None` without a `turtle:` line.
     pub turtle: Option<TurtleBindings>,
     pub ignored: IgnoredSymbols,
-    /// The ends of the string are joined (`ring Lsystem`).
+    /// True if the end of the string is joined to its beginning (`ring Lsystem`).
     pub is_ring: bool,
     /// Each step rewrites from the end of the string to its beginning (`backward()` of L-Py).
     pub is_backward: bool,
@@ -201,7 +201,7 @@ pub(crate) struct Program {
     pub homomorphism: ProductionSet,
     /// The other L-systems of the file.
     pub subsystems: Vec<SubSystem>,
-    /// Curves that the file itself makes, by the numbers that stand for them in parameters (L-Py).
+    /// Curves defined in the file itself (L-Py), by the numbers that represent them in parameters.
     pub curves: Arc<FunctionTables>,
 }
 
@@ -213,7 +213,7 @@ impl Program {
         own.chain(of_others.flat_map(|set| &set.list))
     }
 
-    /// The productions of a section; `system`: 0 for the main L-system, else one more than an index into `subsystems`.
+    /// The productions of a section; `system` is 0 for the main L-system, else 1 + its index in `subsystems`.
     pub fn section(&self, section: Section, system: u16) -> &ProductionSet {
         let sub = usize::from(system).checked_sub(1).and_then(|i| self.subsystems.get(i));
         match (section, sub) {
@@ -226,7 +226,7 @@ impl Program {
         }
     }
 
-    /// The sets of a section over all L-systems.
+    /// The production sets of a section, of all L-systems.
     pub fn sections(&self, section: Section) -> impl Iterator<Item = &ProductionSet> {
         (0_u16..).take(self.subsystems.len() + 1).map(move |system| self.section(section, system))
     }
@@ -236,13 +236,13 @@ impl Program {
         if self.subsystems.is_empty() || self.overrides_cpfg('?') {
             return None;
         }
-        // A border that the grammar never names gets a symbol that no module has.
+        // If the grammar never uses one of the border symbols, a number that no module has stands for it.
         let none = SymbolId::MAX;
         Some(Borders { open: self.symbols.find('?').unwrap_or(none), close: self.symbols.find('$').unwrap_or(none) })
     }
 
-    /// The L-system of each module of a string, as [`Self::section`] numbers them; empty without sub-L-systems. Borders belong to
-    /// the L-system around them; an unknown label leaves it.
+    /// Per module of a string: the number of its L-system, as in [`Self::section`]; empty without sub-L-systems. Border
+    /// symbols belong to the surrounding L-system; an unknown label does not change the L-system.
     pub fn systems_of(&self, modules: &ModuleString) -> Vec<u16> {
         let Some(borders) = self.borders() else { return Vec::new() };
         let mut open: Vec<u16> = vec![0];
@@ -261,14 +261,14 @@ impl Program {
                 let wanted = f64::from(*label);
                 #[allow(clippy::float_cmp, reason = "labels are whole numbers")]
                 let found = self.subsystems.iter().position(|s| s.label == Some(wanted));
-                // A label that no system has keeps the system around it; so would one beyond the 65,535th.
+                // A label that no L-system has, or one with a number above 65,535, keeps the surrounding L-system.
                 open.push(found.and_then(|i| u16::try_from(i + 1).ok()).unwrap_or(now));
             }
         }
         out
     }
 
-    /// Of each L-system, as [`Self::section`] numbers them, per symbol: true if its contexts skip the symbol. Empty without
+    /// Per L-system, numbered as in [`Self::section`], and symbol: true if its contexts skip the symbol. Empty without
     /// sub-L-systems.
     pub fn hidden_symbols(&self) -> Vec<Vec<bool>> {
         if self.subsystems.is_empty() {
@@ -278,14 +278,14 @@ impl Program {
         all.map(|ignored| ignored.flags(&self.symbols)).collect()
     }
 
-    /// True if productions compete by weight: with a `Seed:` or a `turtle:`.
+    /// True if productions compete by weight, because of a `Seed:` or `turtle:` item.
     pub fn is_stochastic(&self) -> bool {
         self.seed.is_some() || self.turtle.as_ref().is_some_and(|t| !t.first_applies)
     }
 
-    /// True if the `turtle:` item takes away the meaning that a symbol has in cpfg.
+    /// True if the `turtle:` item gives a symbol another meaning than cpfg does.
     pub fn overrides_cpfg(&self, c: char) -> bool {
-        // L-Py cuts branches as cpfg does.
+        // `%` cuts branches in L-Py as in cpfg.
         if c == '%' && self.turtle.as_ref().is_some_and(|t| t.dialect == Dialect::LPy) {
             return false;
         }
@@ -298,8 +298,8 @@ impl Program {
         changes.map_or(self.is_backward, |value| !super::code::is_zero(*value))
     }
 
-    /// True if what becomes of a module depends on nothing but itself and the step, so that modules may be rewritten in any
-    /// order and without a string.
+    /// True if the rewriting of a module depends only on the module and the step, so that modules may be rewritten in any
+    /// order and without storing a string.
     pub fn rewrites_independently(&self) -> bool {
         let cuts = self.symbols.find('%').filter(|_| !self.overrides_cpfg('%'));
         let makes_cut = |p: &Production| p.successor.iter().any(|t| Some(t.symbol) == cuts);
@@ -312,8 +312,8 @@ impl Program {
             && self.rules.list.iter().all(Production::is_context_free)
     }
 
-    /// True if modules must be rewritten one after the other, because productions write globals or output or consume several
-    /// modules.
+    /// True if modules must be rewritten one after the other, because productions write global variables or output, or
+    /// replace several modules.
     pub fn is_serial(&self) -> bool {
         let writes = |p: &Production| p.codes().any(|c| c.writes_globals() || c.prints());
         self.is_backward

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// Turtle commands of cpfg that are spelled with two characters; in the string these are two separate symbols.
+/// Turtle commands of cpfg that consist of two characters; in the string these are two separate symbols.
 pub(crate) const TWO_CHARACTER_COMMANDS: [(char, char); 20] = [
     ('@', 'v'),
     ('@', 'M'),
@@ -34,11 +34,11 @@ pub type SymbolId = u16;
 pub struct Symbols {
     list: Vec<char>,
     index: BTreeMap<char, SymbolId>,
-    /// Names of symbols that are spelled with several characters, by the private character that stands for each.
+    /// Names of symbols of several characters, by the private-use character that represents each.
     names: BTreeMap<char, String>,
 }
 
-/// First of the private characters that stand for symbols with long names.
+/// First of the private-use characters that represent symbols of several characters.
 const FIRST_PRIVATE: u32 = 0xF_0000;
 
 impl Symbols {
@@ -47,14 +47,14 @@ impl Symbols {
         if let Some(&i) = self.index.get(&c) {
             return Some(i);
         }
-        // The largest number is reserved: it stands for "no symbol".
+        // The largest number is reserved for "no symbol".
         let i = SymbolId::try_from(self.list.len()).ok().filter(|i| *i < SymbolId::MAX)?;
         self.list.push(c);
         self.index.insert(c, i);
         Some(i)
     }
 
-    /// The private character of a symbol that is spelled with several characters; `None` if there are no more.
+    /// The private-use character that represents a symbol of several characters; `None` if none is left.
     pub(crate) fn private_character(&mut self, name: &str) -> Option<char> {
         if let Some((c, _)) = self.names.iter().find(|(_, n)| *n == name) {
             return Some(*c);
@@ -64,12 +64,12 @@ impl Symbols {
         Some(c)
     }
 
-    /// The name of a symbol that is spelled with several characters, by its private character; `None` for any other.
+    /// The name of a symbol of several characters, by its private-use character; `None` for other characters.
     pub fn long_name(&self, c: char) -> Option<&str> {
         self.names.get(&c).map(String::as_str)
     }
 
-    /// Appends a symbol as grammars spell it: its character, or its long name.
+    /// Appends a symbol as written in grammars: its character or its long name.
     #[inline]
     pub(crate) fn append_spelling(&self, symbol: SymbolId, out: &mut String) {
         let c = self.get(symbol);
@@ -84,7 +84,7 @@ impl Symbols {
         self.index.get(&c).copied()
     }
 
-    /// The symbol of a number; `?` for an unknown one.
+    /// The character of a symbol number; `?` for an unknown number.
     pub fn get(&self, id: SymbolId) -> char {
         self.list.get(usize::from(id)).copied().unwrap_or('?')
     }
@@ -99,7 +99,7 @@ impl Symbols {
         self.list.len()
     }
 
-    /// True without symbols; every grammar that was read has at least `[`, `]` and `%`.
+    /// True if there are no symbols; a parsed grammar has at least `[`, `]` and `%`.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }

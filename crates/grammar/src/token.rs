@@ -5,17 +5,17 @@ use std::sync::Arc;
 use super::functions::FunctionTables;
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
-/// Where a token was written and through which macros it came.
+/// Place of a token in the source, with the macro uses that produced it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct SourcePlace {
-    /// In the file or in a macro's body.
+    /// Place of the token in a file, or in the body of a macro.
     pub span: Span,
-    /// One-based index into [`ParseSession::expansions`]; 0 = written in place.
+    /// One-based index into [`ParseSession::expansions`]; 0 for a token that no macro produced.
     pub origin: u32,
 }
 
 impl SourcePlace {
-    /// A place outside macros.
+    /// A place in the source outside macros.
     pub const fn bare(span: Span) -> Self {
         Self { span, origin: 0 }
     }
@@ -25,7 +25,7 @@ impl SourcePlace {
         Self::bare(Span::new(source, 0, 0))
     }
 
-    /// From here to `other`, if both came the same way.
+    /// The range from here to `other`; only this place if the two come from different macro uses.
     pub fn to(self, other: Self) -> Self {
         if self.origin == other.origin { Self { span: self.span.to(other.span), ..self } } else { self }
     }
@@ -48,7 +48,7 @@ pub(crate) enum TokenKind {
     Text(u32),
     /// Any other character.
     Char(char),
-    /// End of a line; says whether the next line is indented, and whether by a tab.
+    /// End of a line, with whether the next line is indented, and whether by a tab.
     Newline { indented: bool, tab: bool },
 }
 
@@ -57,12 +57,13 @@ pub(crate) enum TokenKind {
 pub(crate) struct Token {
     pub kind: TokenKind,
     pub place: SourcePlace,
-    /// Follows its predecessor without a blank and from the same text, so that both may form one operator.
+    /// True if no blank separates it from the token before it and both come from the same text, so that they may form one
+    /// operator.
     pub glued: bool,
 }
 
 impl Token {
-    /// True for this punctuation character.
+    /// True if the token is this character.
     pub fn is(&self, c: char) -> bool {
         self.kind == TokenKind::Char(c)
     }
@@ -77,7 +78,7 @@ impl Token {
 pub(crate) struct NameTable {
     list: Vec<String>,
     index: std::collections::BTreeMap<String, u32>,
-    /// Number that the next new spelling gets; spellings are numbered from 0.
+    /// Number of the next new spelling; spellings are numbered from 0.
     next: u32,
 }
 
@@ -100,16 +101,16 @@ impl NameTable {
     }
 }
 
-/// State shared by preprocessor and compiler while one file is read: spellings, macro uses, diagnostics.
+/// State that preprocessor and compiler share while one file is read: spellings, macro uses, diagnostics.
 #[derive(Debug, Default)]
 pub(crate) struct ParseSession {
     pub names: NameTable,
     pub expansions: Vec<Expansion>,
     expansion_count: u32,
     pub diagnostics: Vec<Diagnostic>,
-    /// Remarks that only a verbose run shows.
+    /// Notes, which only a verbose run prints.
     pub notes: Vec<Diagnostic>,
-    /// `#pragma osier comments block` was read: `//` begins no comment.
+    /// True after `#pragma osier comments block`, which disables comments that begin with `//`.
     pub block_comments_only: bool,
     /// Functions and curves of companion files.
     pub functions: Arc<FunctionTables>,
@@ -117,10 +118,10 @@ pub(crate) struct ParseSession {
 
 /// Macro uses listed below a diagnostic; deeper nesting is left out.
 const MAX_MACRO_LABELS: usize = 4;
-/// Diagnostics kept per file; a damaged file could otherwise produce one per byte.
+/// Limit on the diagnostics of a file, as a damaged file could cause one for each byte.
 const MAX_DIAGNOSTICS: usize = 200;
 
-/// Default help for an error of this code, where the message does not say how to mend it.
+/// Default help for errors with this code, used when the message itself does not say how to fix them.
 fn help_for(code: &str) -> Option<&'static str> {
     Some(match code {
         "L004" => "close the parenthesis, brace, comment or #if, or split a construct that is too large",
@@ -141,7 +142,7 @@ impl ParseSession {
         self.expansion_count
     }
 
-    /// Records an error whose remedy follows from its code.
+    /// Records an error with the default help of its code.
     pub fn error(&mut self, code: &'static str, message: impl Into<String>, place: SourcePlace, label: &str) {
         let mut d = Diagnostic::error(code, message, place.span, label);
         d.help = help_for(code).map(str::to_owned);
@@ -158,7 +159,7 @@ impl ParseSession {
         self.push(Diagnostic::error(code, message, place.span, "here").help(help), place);
     }
 
-    /// Records an error that `replacement` in place of `place` mends.
+    /// Records an error that is fixed by writing `replacement` in place of `place`.
     pub fn error_fix(
         &mut self,
         code: &'static str,
@@ -176,7 +177,7 @@ impl ParseSession {
         self.push(Diagnostic::warning(code, message, place.span, "here").help(help), place);
     }
 
-    /// Records a remark for verbose runs; a second one of the same code and place is dropped.
+    /// Records a note for verbose runs; a second note of the same code and place is dropped.
     pub fn note(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         let d = Diagnostic::warning(code, message, place.span, "here").help(help);
         if self.notes.iter().any(|n| n.code == code && n.labels.first() == d.labels.first()) {
@@ -203,7 +204,7 @@ impl ParseSession {
         macro_chain(&self.expansions, &self.names, place)
     }
 
-    /// True if errors fill the report, so that readers of long files may stop.
+    /// True if the limit on diagnostics is reached and at least one is an error, so that readers of long files may stop.
     pub fn is_full(&self) -> bool {
         self.diagnostics.len() >= MAX_DIAGNOSTICS && self.has_errors()
     }
@@ -214,7 +215,7 @@ impl ParseSession {
     }
 }
 
-/// A diagnostic with the edit that mends it, unless a macro wrote the place: there another edit is needed.
+/// Adds the edit that fixes a diagnostic, unless a macro produced the place, where the edit would be wrong.
 pub(crate) fn with_fix(d: Diagnostic, place: SourcePlace, replacement: impl Into<String>) -> Diagnostic {
     if place.origin == 0 { d.fix(place.span, replacement) } else { d }
 }

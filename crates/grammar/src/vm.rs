@@ -6,16 +6,16 @@ use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
 
-/// Iterations of all loops in one run of a block before a loop counts as infinite (L044).
+/// Limit on the iterations of all loops in one run of a block, beyond which a loop counts as infinite (L044).
 const LOOP_LIMIT: u64 = 1_000_000;
-/// Most calls of functions within one another (L044). Each takes some of the memory of its thread.
+/// Limit on the nesting of function calls (L044): each call takes stack memory of its thread.
 const CALL_LIMIT: usize = 200;
-/// Bytes of output that a derivation keeps.
+/// Limit on the output that a derivation stores, bytes.
 const MAX_OUTPUT: usize = 1 << 20;
 /// Largest n of `biran(n, p)`, whose trials are drawn one by one; a larger n counts as this many.
 const BIRAN_LIMIT: f64 = 1e6;
 
-/// Whether a function calls itself, by way of any others.
+/// True if the function calls itself, directly or through other functions.
 fn calls_itself(functions: &[CalledFunction], k: usize) -> bool {
     let mut seen = vec![false; functions.len()];
     let mut open = vec![k];
@@ -35,7 +35,7 @@ fn calls_itself(functions: &[CalledFunction], k: usize) -> bool {
     false
 }
 
-/// What random draws are for. It is a part of their address, so that draws for one purpose do not shift those of another.
+/// Purpose of random draws. It is part of their address, so that draws for one purpose do not affect those for another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum DrawPurpose {
     Choice,
@@ -48,7 +48,7 @@ pub(crate) enum DrawPurpose {
 }
 
 impl DrawPurpose {
-    /// Every purpose, in the order of their numbers.
+    /// All purposes, in the order of their numbers.
     const ALL: [Self; 7] = [
         Self::Choice,
         Self::Statement,
@@ -72,18 +72,18 @@ impl DrawPurpose {
     }
 }
 
-/// Seeds that every random stream of a run is derived from.
+/// Seeds of all random streams of a run.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RandomStreams {
     seed: u64,
     plant_id: u32,
     file_seed: i64,
-    /// Key of each purpose, in the order of [`DrawPurpose::ALL`]: the part of an address that is the same for all modules.
+    /// Key of each purpose, in the order of [`DrawPurpose::ALL`]: the part of an address that all modules share.
     keys: [u64; DrawPurpose::ALL.len()],
 }
 
 impl RandomStreams {
-    /// Streams of a plant. `seed`: of the run; `file_seed`: of the grammar.
+    /// The streams of a plant. `seed`: seed of the run; `file_seed`: seed in the grammar.
     pub fn new(seed: u64, plant_id: u32, file_seed: i64) -> Self {
         // Address of a stream: plant, generator, seed of the file, purpose; then the module, and the step where draws
         // differ from step to step.
@@ -94,28 +94,28 @@ impl RandomStreams {
         Self { seed, plant_id, file_seed, keys: DrawPurpose::ALL.map(key) }
     }
 
-    /// The streams of the same run and plant with another seed of the grammar.
+    /// The streams of the same run and plant with another grammar seed.
     pub fn with_file_seed(&self, file_seed: i64) -> Self {
         if file_seed == self.file_seed { *self } else { Self::new(self.seed, self.plant_id, file_seed) }
     }
 
-    /// Number of the plant, by which plants of one seed and grammar draw different numbers.
+    /// Number of the plant, which makes the draws of plants with equal seed and grammar different.
     pub fn plant_id(&self) -> u32 {
         self.plant_id
     }
 
-    /// Seed that the grammar file gives; streams are addressed by it together with the seed of the run.
+    /// Seed in the grammar file; the addresses of streams contain it together with the seed of the run.
     pub fn file_seed(&self) -> i64 {
         self.file_seed
     }
 
-    /// Key of everything drawn for a purpose, by any module.
+    /// Key of all draws for a purpose, shared by all modules.
     #[inline]
     pub fn purpose_key(&self, purpose: DrawPurpose) -> u64 {
         self.keys[purpose as usize]
     }
 
-    /// Key of everything drawn for a purpose by module `h` (in `step`, if the purpose depends on it).
+    /// Key of all draws for a purpose by module `h`; `step` is given if the purpose depends on the step.
     #[inline]
     pub fn key(&self, purpose: DrawPurpose, h: u64, step: Option<u32>) -> u64 {
         let key = rng::child(self.purpose_key(purpose), h);
@@ -123,32 +123,32 @@ impl RandomStreams {
     }
 }
 
-/// Reason why a run ended before its code did.
+/// Reason why a run stopped before the end of its code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Halt {
-    /// A loop that passes [`LOOP_LIMIT`] iterations (L044).
+    /// A loop exceeds [`LOOP_LIMIT`] iterations (L044).
     Loop(SourcePlace),
-    /// A function that calls itself, by way of others too, and passes [`CALL_LIMIT`] calls within one another (L044).
+    /// A function that calls itself, directly or through others, exceeds the nesting limit [`CALL_LIMIT`] (L044).
     Recursion(SourcePlace),
-    /// Another function that passes [`CALL_LIMIT`] calls within one another (L044).
+    /// A function that does not call itself exceeds the nesting limit [`CALL_LIMIT`] (L044).
     NestedCalls(SourcePlace),
-    /// The derivation has run more statements than its limit allows (L051).
+    /// The derivation exceeds its limit on statements (L051).
     Statements(SourcePlace),
-    /// A string passes the limit on its modules (L051), or its receiver takes no more.
+    /// A string exceeds the limit on modules (L051), or the receiver of its modules stops.
     Modules,
-    /// The strings take more bytes than the limit `string-bytes` (L051).
+    /// The strings exceed the limit `string-bytes` (L051).
     Bytes,
-    /// The modules of a string have more parameters than are stored, 2^27 (L051).
+    /// A string exceeds the limit of 2^27 parameters (L051).
     Parameters,
-    /// The modules of all steps together pass the limit on work (L051).
+    /// The modules of all steps together exceed the limit on work (L051).
     Work,
     /// The interpretation that a query asked for failed; the derivation holds its error.
     Query,
-    /// The production at this place expands one module too often, in a decomposition or homomorphism.
+    /// The production at this place was applied too often while one module was expanded by a decomposition or homomorphism.
     Expansion(SourcePlace),
 }
 
-/// A warning of a run, with the number of its occurrences.
+/// A runtime warning and how often it occurred.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RuntimeWarning {
     pub code: &'static str,
@@ -157,14 +157,14 @@ pub(crate) struct RuntimeWarning {
     pub count: u64,
 }
 
-/// Warnings of a run, one for each code and place.
+/// Runtime warnings, one for each code and place.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RuntimeWarnings {
     pub list: Vec<RuntimeWarning>,
 }
 
 impl RuntimeWarnings {
-    /// Counts one occurrence; the first one of a code and place sets the message.
+    /// Counts an occurrence; the first one of a code and place sets the message.
     pub fn add(&mut self, code: &'static str, place: SourcePlace, message: &str) {
         match self.list.iter_mut().find(|e| e.code == code && e.place == place) {
             Some(e) => e.count += 1,
@@ -172,7 +172,7 @@ impl RuntimeWarnings {
         }
     }
 
-    /// Adds the counts of another run, whose new warnings follow the known ones.
+    /// Adds the counts of another run; warnings that are new here are appended.
     pub fn merge(&mut self, other: Self) {
         for e in other.list {
             match self.list.iter_mut().find(|o| o.code == e.code && o.place == e.place) {
@@ -209,16 +209,16 @@ pub(crate) struct Vm {
     number: u64,
     key: Option<u64>,
     reseeded: Option<i64>,
-    /// Calls of functions that the present one is within.
+    /// Current nesting of function calls.
     depth: usize,
     pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
-    /// Least and greatest x, y, z of what the last interpretation for queries drew; all 0 before the first.
+    /// Smallest and largest x, y, z of the drawing in the last interpretation for queries; all 0 before the first.
     pub bounds: [[f64; 3]; 2],
     /// Set by `stop(n)`: the derivation ends after this step.
     pub stopped: bool,
-    /// Draws as cpfg does, one after the other, instead of by address.
+    /// cpfg's random numbers, if draws follow its order instead of being addressed by module; else `None`.
     pub cpfg: Option<CpfgRandom>,
     /// Text that `printf` wrote, at most [`MAX_OUTPUT`] bytes.
     pub output: String,
@@ -249,21 +249,21 @@ impl Vm {
         }
     }
 
-    /// The machine, with an empty one in its place until it is put back: a copy of long output and large arrays in each step
-    /// would cost more than the step.
+    /// Takes the machine, leaving an empty one in its place: copying long output and large arrays in each step would cost
+    /// more than the step itself.
     pub fn take(&mut self) -> Self {
         let empty = Self::new(self.streams, 0, self.length);
         std::mem::replace(self, empty)
     }
 
-    /// From here on draws belong to `owner`.
+    /// Makes all draws from here on those of `owner`.
     pub fn begin_draws(&mut self, purpose: DrawPurpose, owner: u64, step: Option<u32>) {
         (self.purpose, self.owner, self.owner_step) = (purpose, owner, step);
-        // The key is hashed by the first draw, as most modules draw nothing.
+        // The first draw computes the key, as most modules draw nothing.
         (self.number, self.key, self.reseeded) = (0, None, None);
     }
 
-    /// Numbers the next draws from here, so that two uses of one purpose do not meet.
+    /// Sets the number of the next draw, so that two uses of one purpose draw different numbers.
     pub fn set_draw_number(&mut self, number: u64) {
         self.number = number;
     }
@@ -280,20 +280,20 @@ impl Vm {
         }
     }
 
-    /// Returns to an address that [`Vm::save_draws`] gave.
+    /// Restores an address that [`Vm::save_draws`] saved.
     pub fn restore_draws(&mut self, d: DrawState) {
         (self.purpose, self.owner, self.owner_step) = (d.purpose, d.owner, d.step);
         (self.number, self.key, self.reseeded) = (d.number, d.key, d.reseeded);
     }
 
-    /// The seed that `srand` set since [`Vm::begin_draws`].
+    /// The seed that `srand` has set since [`Vm::begin_draws`], if any.
     pub fn reseeded(&self) -> Option<i64> {
         self.reseeded
     }
 
-    /// The next stream of the present owner.
+    /// The next random stream of the current owner.
     fn next_stream(&mut self) -> Rng {
-        // The key is hashed once per owner and kept; each draw is a numbered child stream of it.
+        // The key is computed once per owner; each draw is a numbered child stream of it.
         let key = *self.key.get_or_insert_with(|| {
             let streams = self.reseeded.map_or(self.streams, |seed| self.streams.with_file_seed(seed));
             streams.key(self.purpose, self.owner, self.owner_step)
@@ -303,7 +303,7 @@ impl Vm {
         stream
     }
 
-    /// Value of an expression; variables beyond `locals` read 0.
+    /// Value of an expression; variables beyond `locals` read as 0.
     #[inline]
     pub fn eval(&mut self, e: &Expr, locals: &mut [f64]) -> Result<f64, Halt> {
         match e {
@@ -317,7 +317,7 @@ impl Vm {
         self.stack.pop().unwrap_or(0.0)
     }
 
-    /// Runs code; its value is what it leaves on the stack, or 0.
+    /// Runs code; returns the value that it leaves on the stack, or 0.
     pub fn run(&mut self, code: &Bytecode, locals: &mut [f64]) -> Result<f64, Halt> {
         self.stack.clear();
         self.depth = 0;
@@ -325,11 +325,12 @@ impl Vm {
         self.run_code(code, locals, functions)
     }
 
-    /// As [`Self::run`], with what lies on the stack left there. `functions`: those that the code may call.
+    /// Like [`Self::run`], but preserves the values already on the stack. `functions`: the functions that the code may call.
     fn run_code(&mut self, code: &Bytecode, locals: &mut [f64], functions: &[CalledFunction]) -> Result<f64, Halt> {
         let mut pc = 0_usize;
         let mut iterations = 0_u64;
-        // Results that the left side of `&&` or `||` has decided, with the place where the right side ends.
+        // Decided results of `&&` and `||` whose right side is still computed (with cpfg's random numbers), and where that
+        // side ends.
         let mut decided: Vec<(usize, f64)> = Vec::new();
         loop {
             while let Some((_, value)) = decided.pop_if(|d| d.0 == pc) {
@@ -339,7 +340,7 @@ impl Vm {
             let Some(op) = code.ops.get(pc) else { break };
             pc += 1;
             match *op {
-                // Operands. Slots that code cannot have got from the compiler read as 0.
+                // Operands. Slots that no compiled code refers to read as 0.
                 Op::Const(c) => self.stack.push(c),
                 Op::Local(i) => self.stack.push(locals.get(usize::from(i)).copied().unwrap_or(0.0)),
                 Op::Global(i) => {
@@ -363,7 +364,7 @@ impl Vm {
                 Op::Step => self.stack.push(f64::from(self.step)),
                 Op::Length => self.stack.push(f64::from(self.length)),
                 Op::Remaining => self.stack.push(f64::from(self.length) - f64::from(self.step)),
-                // Arithmetic: operands lie on the stack in source order, so that the right one is popped first.
+                // Arithmetic. Operands lie on the stack in source order, so that the right one is popped first.
                 Op::Unary(f) => {
                     let v = self.pop();
                     self.stack.push(f.apply(v));
@@ -377,7 +378,8 @@ impl Vm {
                     }
                     self.stack.push(v);
                 }
-                // Control flow. `&&` and `||` leave their result and skip the right side once the left one decides.
+                // Control flow. `&&` and `||` leave their result on the stack, and skip the right side if the left one
+                // decides.
                 Op::Jump(t) => {
                     // A jump back begins the next iteration of a loop.
                     iterations += u64::from(t < pc);
@@ -402,13 +404,13 @@ impl Vm {
                     let v = self.pop();
                     self.stack.push(truth(!is_zero(v)));
                 }
-                // Budgets: loops without end and runaway blocks stop here rather than hang.
+                // Budgets: end infinite loops and runaway blocks.
                 Op::Count(place) => self.count_statement(code, place, iterations)?,
                 Op::Pop => {
                     self.pop();
                 }
                 Op::Random(f) => {
-                    // Trials are drawn one by one: many of them take the time of statements.
+                    // Trials are drawn one by one: a large number of them costs as much time as statements do.
                     if f == RandomFunction::Biran {
                         let trials = self.stack.iter().rev().nth(1).copied().unwrap_or(0.0);
                         self.statements = self.statements.saturating_add(trial_cost(trials));
@@ -428,7 +430,7 @@ impl Vm {
         Ok(self.pop())
     }
 
-    /// Calls a function with the arguments on the stack, which its value replaces. A call counts as a statement.
+    /// Calls a function: pops its arguments and pushes its value. A call counts as a statement.
     fn call(&mut self, functions: &[CalledFunction], k: usize) -> Result<(), Halt> {
         let Some(function) = functions.get(k) else { return Ok(()) };
         self.statements += 1;
@@ -448,8 +450,8 @@ impl Vm {
         Ok(())
     }
 
-    /// The left side of `&&` or `||` has decided: the right side, which ends at `end`, is skipped. cpfg computes it anyway,
-    /// which matters to its draws.
+    /// Skips the right side of `&&` or `||`, which ends at `end`, once the left side has decided. cpfg evaluates it
+    /// nevertheless, which advances its random numbers.
     fn decide(&mut self, value: f64, end: usize, pc: &mut usize, decided: &mut Vec<(usize, f64)>) {
         if self.cpfg.is_some() {
             decided.push((end, value));
@@ -459,7 +461,7 @@ impl Vm {
         }
     }
 
-    /// Appends what a `printf` writes to the output, which holds no more than [`MAX_OUTPUT`] bytes.
+    /// Appends the output of a `printf`; the output holds at most [`MAX_OUTPUT`] bytes.
     fn print(&mut self, code: &Bytecode, k: usize) {
         let Some(format) = code.formats.get(k) else { return };
         let first = self.stack.len().saturating_sub(format.arguments);
@@ -473,7 +475,7 @@ impl Vm {
         }
     }
 
-    /// Slot of the element whose indices lie on the stack, which are popped; L026 outside the array.
+    /// Pops indices and returns the slot of their element; L026 outside the array.
     fn element(&mut self, access: &ElementAccess) -> Option<usize> {
         let first = self.stack.len().saturating_sub(access.shape.sizes.len());
         let slot = access.shape.slot(self.stack.get(first..).unwrap_or(&[]));
@@ -498,7 +500,7 @@ impl Vm {
         }
     }
 
-    /// Value of a function or a curve of a companion file; 0 with L048 if it is missing.
+    /// Pushes the value of a function or curve of a companion file; 0 with L048 if it is missing.
     fn read_table(&mut self, code: &Bytecode, f: TableFunction, place: usize) {
         let x = if f == TableFunction::CurveLength { 0.0 } else { self.pop() };
         let id = self.pop();
@@ -573,13 +575,13 @@ impl Vm {
         self.stack.push(value);
     }
 
-    /// One of `n` values in proportion to its share.
+    /// Pops `n` pairs (value, share) and pushes one value, drawn in proportion to the shares.
     fn choose(&mut self, n: usize) {
-        // The stack holds value, share, value, share …; a share is picked in proportion to its size.
+        // The stack holds value, share, value, share and so on.
         let first = self.stack.len().saturating_sub(2 * n);
         let pairs: Vec<f64> = self.stack.split_off(first);
         let shares: Vec<f64> = pairs.iter().skip(1).step_by(2).copied().collect();
-        // One draw, whatever the number of values; with the random numbers of cpfg, from the generator of its functions.
+        // A single draw, whatever the number of values; cpfg takes it from the generator of its functions.
         let i = match &mut self.cpfg {
             Some(cpfg) => rng::weighted_index(cpfg.uniform(), &shares),
             None => self.next_stream().pick(&shares),
@@ -588,18 +590,19 @@ impl Vm {
     }
 }
 
-/// A beta variate drawn from `stream`; 0 for parameters that are not positive.
+/// A beta variate drawn from `stream`; 0 if a parameter is not positive.
 /// Source: X / (X + Y) of gamma variates X and Y of shapes a and b has the beta distribution.
 fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
     if !(a > 0.0 && b > 0.0) {
         return 0.0;
     }
     let (x, y) = (log_gamma_variate(stream, a), log_gamma_variate(stream, b));
-    // X / (X + Y) = 1 / (1 + exp(log Y - log X)): logarithms keep variates of small shapes apart that are 0 as numbers.
+    // X / (X + Y) = 1 / (1 + exp(log Y - log X)): logarithms keep gamma variates of small shapes distinct that underflow to
+    // 0.
     1.0 / (1.0 + math::exp(y - x))
 }
 
-/// Logarithm of a gamma variate of this shape, which is positive, and scale 1.
+/// Logarithm of a gamma variate with the positive shape `shape` and scale 1.
 /// Source: G. Marsaglia and W. W. Tsang, ACM Trans. Math. Software 26 (2000), 363: d (1 + c N)^3 with d = shape - 1/3 and
 /// c = 1 / sqrt(9 d) is accepted in more than 95 of 100 cases. A shape below 1 takes that of shape + 1 times U^(1 / shape).
 fn log_gamma_variate(stream: &mut Rng, shape: f64) -> f64 {
@@ -620,9 +623,9 @@ fn log_gamma_variate(stream: &mut Rng, shape: f64) -> f64 {
     }
 }
 
-/// Successes in `n` trials of chance `p`, counted one by one.
+/// Number of successes in `n` trials of probability `p`, drawn one by one.
 fn binomial(stream: &mut Rng, n: f64, p: f64) -> f64 {
-    // n is clamped to the range that counts one by one in reasonable time; NaN and infinity give no trials.
+    // `n` is limited to a number of trials that takes reasonable time; NaN and infinity give no trials.
     let mut left = if n.is_finite() { n.clamp(0.0, BIRAN_LIMIT).floor() } else { 0.0 };
     let mut hits = 0.0;
     while left > 0.0 {
@@ -638,9 +641,9 @@ fn trial_cost(trials: f64) -> u64 {
     if trials.is_finite() { trials.clamp(0.0, BIRAN_LIMIT) as u64 / 4 } else { 0 }
 }
 
-/// Value of code that needs nothing from outside; `None` if it does.
+/// Value of code that depends on nothing at run time; `None` for other code.
 pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
-    // Variables, steps, random draws and side effects make code depend on its run.
+    // Code depends on its run if it reads variables or steps, draws random numbers or has side effects.
     let needs = |op: &Op| {
         matches!(
             op,

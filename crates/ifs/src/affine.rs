@@ -18,9 +18,9 @@ use osier_base::math::{self, narrow};
 /// Axis-aligned change of coordinates u = scale x + shift, as from table units to pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisScaling {
-    /// Factor for each axis, none 0.
+    /// Scale factor of each axis; no component may be 0.
     pub scale: DVec3,
-    /// Added after scaling, in the units of u.
+    /// Offset added after scaling, in the units of u.
     pub shift: DVec3,
 }
 
@@ -47,15 +47,15 @@ pub struct Branch {
     pub roll: f64,
     /// Tilt off the parent, rad.
     pub pitch: f64,
-    /// Length over the parent's length, (0, 1).
+    /// Length of the branch divided by its parent's, (0, 1).
     pub scale: f64,
 }
 
 impl Affine {
-    /// Leaves every point in place; also the neutral element of [`Affine::after`].
+    /// The map that leaves every point in place, the neutral element of [`Affine::after`].
     pub const IDENTITY: Self = Self { a: DMat3::IDENTITY, b: DVec3::ZERO };
 
-    /// The map of the plane x' = a x + b y + e, y' = c x + d y + f of `[a, b, c, d, e, f]`.
+    /// The map of the plane x' = a x + b y + e, y' = c x + d y + f from its coefficients `[a, b, c, d, e, f]`.
     pub fn plane(c: [f64; 6]) -> Self {
         let a = DMat3::from_cols(DVec3::new(c[0], c[2], 0.0), DVec3::new(c[1], c[3], 0.0), DVec3::ZERO);
         Self { a, b: DVec3::new(c[4], c[5], 0.0) }
@@ -75,7 +75,7 @@ impl Affine {
         Self::plane([a, b, c, d, shift[0], shift[1]])
     }
 
-    /// The inverse of [`Affine::polar`]: `[r, q, alpha, beta]`, angles in rad, 0 where their radius is 0.
+    /// The inverse of [`Affine::polar`]: `[r, q, alpha, beta]`, angles in rad; an angle is 0 where its radius is 0.
     /// Source: [wang-hao] eq. (2), solved.
     pub fn to_polar(&self) -> [f64; 4] {
         let (x, y) = (self.a.x_axis, self.a.y_axis);
@@ -117,7 +117,7 @@ impl Affine {
         self.a * p + self.b
     }
 
-    /// First `inner`, then `self`.
+    /// The composition of two maps: `inner` is applied first, then `self`.
     #[must_use]
     pub fn after(&self, inner: &Self) -> Self {
         Self { a: self.a * inner.a, b: self.a * inner.b + self.b }

@@ -46,11 +46,11 @@ pub struct AttractorPoints {
     pub positions: Vec<Vec3>,
     /// Linear RGB by point.
     pub colors: Vec<[f32; 3]>,
-    /// The map that made each point, 255 and above as 255.
+    /// Index of the map that made each point; indices above 255 are stored as 255.
     pub maps: Vec<u8>,
     /// Steps since the start or the last jump, at most 255.
     pub depths: Vec<u8>,
-    /// How many tests found a lane beyond the guard, and of how many.
+    /// Number of tests for escaped lanes, and how many lanes had escaped.
     pub escapes: Escapes,
 }
 
@@ -88,7 +88,8 @@ struct PointBlock<'a> {
 impl PointSink for PointBlock<'_> {
     #[allow(clippy::cast_possible_truncation, reason = "clamped to 255 before the cast")]
     fn take(&mut self, chunk: &Chunk) {
-        // Colours come from the words of the points, which the labels keep from chunk to chunk.
+        // The colour of a point depends on its word, the last maps applied; the labels carry words over from chunk to
+        // chunk.
         self.labels.label(chunk, &mut self.label);
         // The last chunk of a cloud may hold more points than are asked for.
         let left = self.positions.len() - self.at;
@@ -135,7 +136,7 @@ impl PointSink for PointBlock<'_> {
     }
 }
 
-/// Draws points: u = scale (x - origin), the same at any thread count.
+/// Draws points at u = scale (x - origin). The result is the same at any thread count.
 pub fn cloud(
     request: &DrawRequest<'_>,
     labels: &ColorLabels,
@@ -195,8 +196,8 @@ pub fn cloud(
     AttractorPoints { escapes, ..out }
 }
 
-/// Keeps of the points of each map the share that its opacity draws; which ones, depends on the seed and the index of a point.
-/// Points of condensation sets all stay.
+/// Keeps, of the points that each map made, a share equal to the map's opacity. Which points stay depends on the seed
+/// and on the index of a point. All points of condensation sets stay.
 pub fn drop_hidden(cloud: &mut AttractorPoints, ifs: &Ifs, seed: u64) {
     if ifs.maps.iter().all(|m| m.opacity >= 1.0) {
         return;

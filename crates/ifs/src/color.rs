@@ -24,7 +24,7 @@ use osier_base::math;
 pub enum ColorMode {
     /// The map applied last.
     Map,
-    /// By the last maps, 1 to 4 of them, newest first.
+    /// The last 1 to 4 maps applied, newest first.
     Prefix(u32),
     /// The colour coordinate in the palette.
     Coord,
@@ -36,15 +36,15 @@ pub enum ColorMode {
     Density,
 }
 
-/// Largest number of words with a colour each; longer words share colours by their newest letters.
+/// Largest number of words that each have a separate colour; longer words are coloured by their newest letters only.
 const MAX_LABELS: usize = 4096;
-/// Colours interpolated from a palette, for the modes that colour by a continuous value.
+/// Number of colours interpolated from a palette, for the modes that colour by a continuous value.
 const PALETTE_STEPS: usize = 256;
-/// Branching orders with a colour each; higher ones share the last.
+/// Highest branching order with a separate colour; higher orders share it.
 const MAX_ORDER: u32 = 5;
-/// Wood, for maps that squash the whole into a stem.
+/// Default colour of maps that squash the whole into a stem: wood, linear RGB.
 const DEFAULT_WOOD: [f32; 3] = [0.110, 0.062, 0.032];
-/// Greens and warm hues for the other maps, in turn.
+/// Default colours of the other maps, taken in turn: greens and warm hues, linear RGB.
 const DEFAULT_GREENS: [[f32; 3]; 6] = [
     [0.060, 0.195, 0.028],
     [0.210, 0.340, 0.055],
@@ -69,9 +69,9 @@ pub struct ColorLabels {
     maps: u32,
     /// m^(k-1): place value of the newest of k letters of m maps.
     top: u32,
-    /// By map: factor on the coordinate and the value added to it; the last row is for jumps.
+    /// For each map the factor on the colour coordinate and the value added to it; the last entry is for jumps.
     pull: Vec<(f32, f32)>,
-    /// By map: its effect on the branching order.
+    /// For each map, its effect on the branching order.
     orders: Vec<Branching>,
     lanes: LaneHistory,
 }
@@ -95,7 +95,8 @@ struct LaneHistory {
 }
 
 impl ColorLabels {
-    /// Labels of a system; `own`: linear colours that replace the system's, by map or along the palette, or empty.
+    /// Labels of the points of a system. `own`: linear RGB that replaces the system's colours, by map or along the
+    /// palette; empty: the system's colours stay.
     pub fn new(ifs: &Ifs, mode: ColorMode, own: &[[f32; 3]]) -> Self {
         let maps = ifs.maps.len();
         let mode = match mode {
@@ -147,7 +148,8 @@ impl ColorLabels {
         match self.mode {
             // `max_word_length` keeps the number of words of k letters within MAX_LABELS.
             ColorMode::Map | ColorMode::Prefix(_) => saturating_index(word),
-            // Endless words; for coordinates every point has a different one.
+            // A word contains no jump, so its depth counts as unlimited. The labels of the other modes do not follow
+            // from the word.
             ColorMode::Depth => 255,
             ColorMode::Coord | ColorMode::Order | ColorMode::Density => 0,
         }
@@ -216,10 +218,11 @@ impl ColorLabels {
     }
 }
 
-/// Step of the palette of a coordinate: 255 c to the nearest whole number.
+/// Palette step of a colour coordinate: 255 c rounded to the nearest whole number.
 #[inline(always)]
 pub fn palette_step(c: f32) -> u32 {
-    // Beyond 2^23 there are no fractions: the sum's last bits are the number, found without a cast that saturates.
+    // From 2^23 on, floats have no fractional bits: the low bits of the sum are the rounded number. This avoids a
+    // saturating cast.
     (c * 255.0 + 8_388_608.0).to_bits() & 255
 }
 
@@ -274,7 +277,7 @@ fn word_colors(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
     (0..count).map(color).collect()
 }
 
-/// Step `i` of 256 of a palette, or from the first to the second leaf colour without one.
+/// Colour at step `i` of 256 of the palette; without a palette, between the first and the second leaf colour.
 #[allow(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,

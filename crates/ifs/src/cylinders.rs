@@ -21,22 +21,25 @@ use osier_base::math::narrow;
 /// Most and fewest points of a batch. Larger batches reuse the pool more, smaller ones share work among threads.
 const MAX_BATCH: u64 = 1 << 24;
 const MIN_BATCH: u64 = 1 << 16;
-/// Number of batches aimed at, so that every thread has work. More of them cost a pass over the words each.
+/// Target number of batches, so that every thread has work. Each further batch costs a pass over all words.
 const TARGET_BATCHES: u64 = 8;
-/// Points of a batch for each point of the pool, and the fewest points of a pool. A smaller pool repeats itself visibly.
+/// Number of points of a batch for each point of the pool, and the fewest points of a pool. The pattern of a smaller
+/// pool would repeat visibly.
 const POOL_SHARE: u64 = 64;
 const MIN_POOL: u64 = 1 << 16;
-/// Most pixels of a cylinder's box without a further cut: their cells stay in the nearest caches.
+/// A cylinder whose box covers more pixels than this is split, so that the cells it writes fit into the processor's
+/// caches.
 const MAX_CYLINDER_PIXELS: f64 = 16_384.0;
 /// A cylinder with fewer points in a batch than this is not split for its size: the word would cost more than its points.
 const MIN_POINTS_TO_SPLIT: f64 = 512.0;
-/// Most letters of a word: maps that hardly shrink would be cut without end.
+/// Maximum number of letters of a word; without it, words of maps that hardly shrink would be extended without end.
 const MAX_WORD_LENGTH: usize = 4096;
-/// Words beyond which none is cut further unless labels ask: systems of hundreds of maps would fill the memory.
+/// Number of words beyond which none is split further unless labels need it; systems of hundreds of maps would fill the
+/// memory.
 const MAX_WORDS: usize = 1 << 17;
-/// Magnitude beyond which a point is lost, table units.
+/// Magnitude beyond which a point counts as escaped, table units.
 const ESCAPE_RADIUS: f32 = 1e15;
-/// Share of the pool outside its box, on each side of each axis.
+/// Share of the pool's points that its box leaves out on each side of each axis.
 const TAIL_QUANTILE: f64 = 0.02;
 
 /// Points of an attractor as separate lists of x, y and z, with their colour coordinates.
@@ -83,12 +86,12 @@ impl PointSink for PointPool {
 }
 
 impl PointPool {
-    /// An empty pool; with labels that ask for it, one that keeps colour coordinates.
+    /// An empty pool. It stores colour coordinates only if the labels need them.
     pub fn new(labels: Option<&ColorLabels>) -> Self {
         Self { labels: labels.filter(|l| l.is_by_coord()).cloned(), ..Self::default() }
     }
 
-    /// The box of all but the outermost points.
+    /// Bounding box of the pool without its outermost points.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -106,22 +109,22 @@ impl PointPool {
     }
 }
 
-/// The image of the whole under one word.
+/// One cylinder: the image of the whole attractor under one word.
 #[derive(Debug, Clone)]
 pub(super) struct Cylinder {
-    /// From a pool to pixels by the maps of the word: rows of A, then b.
+    /// Map from pool coordinates to pixels, the maps of the word included: rows of A, then b.
     pub map: [f32; 12],
     /// The map that is applied last.
     pub newest: usize,
-    /// Label of its points where that does not depend on them.
+    /// Label of all points of the cylinder, if labels do not depend on the single point.
     pub label: u32,
     /// Factor on a point's colour coordinate, and the value added to it.
     pub pull: (f32, f32),
-    /// Sum of the shares up to and with this one.
+    /// Running sum of the cylinders' shares, up to and including this one.
     end: f64,
 }
 
-/// How many points are drawn, and how many at once.
+/// Number of batches that are drawn, and of points in each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Batches {
     /// Batches to draw; each draws a new pool.
@@ -155,14 +158,14 @@ struct OpenWord {
     affine: Affine,
     share: f64,
     newest: usize,
-    /// Its maps, newest first, as far as labels ask.
+    /// Maps of the word, newest first; only as many as the labels need.
     letters: Vec<usize>,
     length: usize,
     pull: (f64, f64),
 }
 
-/// True if an attractor can be cut: maps follow each other freely, nothing is condensed, and labels need not know a
-/// whole word.
+/// True if an attractor can be cut into cylinders: it has no chaos matrix and no condensation sets, and labels do not
+/// depend on the whole word.
 pub(super) fn is_applicable(ifs: &Ifs, study: &SystemAnalysis, labels: Option<&ColorLabels>) -> bool {
     study.next.is_none() && ifs.condensation.is_empty() && !labels.is_some_and(ColorLabels::is_by_order)
 }
@@ -178,7 +181,7 @@ impl CylinderCut {
         game.play(0, batches.pool_points() / LANES as u64, &mut pool);
         let bounds = pool.bounds();
         let window = Affine::scaling(window.scale, window.shift);
-        // From table units to pixels, the final map included.
+        // The map from table units to pixels, including the final map.
         let shown = system.last.map_or(window, |l| window.after(&l));
         let AxisScaling { scale, shift } = game.frame();
         let table = Affine::scaling(scale.recip(), -shift / scale);
@@ -193,7 +196,8 @@ impl CylinderCut {
         while let Some(word) = open.pop() {
             // A word is split while its cylinder covers many pixels and holds enough points, while its share is larger than
             // the pool, or while labels need more letters.
-            // In double precision from unit to pixels, so that a deep look into a part is as sharp as one at the whole.
+            // The map from pool units to pixels is composed in double precision, so that a deep zoom is as sharp as a
+            // picture of the whole.
             let map = shown.after(&word.affine).after(&table);
             let wide = covered_pixels(&map, &bounds) > MAX_CYLINDER_PIXELS && word.share * all >= MIN_POINTS_TO_SPLIT;
             let short = word.letters.len() < letters;
@@ -216,8 +220,8 @@ impl CylinderCut {
         self.batches
     }
 
-    /// Draws one batch: fills the pool, then hands over every cylinder with windows of it. Cylinders take whole numbers of
-    /// points nearest to their shares.
+    /// Draws one batch: fills the pool, then calls `emit` for every cylinder with ranges of the pool. Each cylinder
+    /// takes its share of the points, rounded to a whole number.
     pub fn draw(
         &self,
         batch: u64,
@@ -267,7 +271,7 @@ impl OpenWord {
         Self { affine: Affine::IDENTITY, share: 1.0, newest: 0, letters: Vec::new(), length: 0, pull: (1.0, 0.0) }
     }
 
-    /// The word with one map more, applied before all others.
+    /// The word extended by one map, which is applied before all others.
     fn append_map(&self, i: usize, map: &Map, probability: f64, letters: usize) -> Self {
         let mut all = self.letters.clone();
         if all.len() < letters {
@@ -295,7 +299,7 @@ impl OpenWord {
     }
 }
 
-/// Scale and shift from table units to those of a pool: all but the outermost points lie between -1 and 1.
+/// Scale and shift from table units to pool units, in which all but the outermost points lie between -1 and 1.
 pub(super) fn unit_frame(system: &Ifs, study: &SystemAnalysis) -> AxisScaling {
     let game = ChaosGame::new(system, study, 0, AxisScaling::IDENTITY, ESCAPE_RADIUS);
     let mut pool = PointPool::default();
@@ -307,7 +311,7 @@ pub(super) fn unit_frame(system: &Ifs, study: &SystemAnalysis) -> AxisScaling {
     AxisScaling { scale: DVec3::splat(scale), shift: DVec3::from_array(bounds.map(|b| -b[0] * scale)) }
 }
 
-/// Pixels of the box around the image of a box.
+/// Number of pixels that the bounding box of the image of `bounds` covers.
 fn covered_pixels(map: &Affine, bounds: &[[f64; 2]; 3]) -> f64 {
     let c = map.coefficients(3);
     // Width of the image of a box along an axis: sum over k of |a_k| times the side k.

@@ -30,7 +30,7 @@ const LYAPUNOV_STEPS: u32 = 4096;
 /// A map is singular if its smallest singular value is at most this share of its largest.
 const SINGULAR_RATIO: f64 = 1e-9;
 
-/// Analysis of a system before it is drawn: shares of its maps, how fast it contracts, whether it has bounds.
+/// Analysis of a system before it is drawn: shares of its maps, how fast it contracts, whether it is bounded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SystemAnalysis {
     /// Share of each map in long runs, in the order of the maps.
@@ -62,14 +62,14 @@ impl SystemAnalysis {
         report.into_result(self)
     }
 
-    /// Steps until a start is forgotten: e^-16.6 of the distance is left, 32 to 4096.
+    /// Number of steps after which the start point no longer matters (distances have shrunk by e^-16.6), 32 to 4096.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
     pub fn warm_up(&self) -> u32 {
         (16.6 / self.exponent.abs().max(1e-6)).ceil().clamp(32.0, 4096.0) as u32
     }
 }
 
-/// Studies a system under a rule of weights.
+/// Analyses a system whose probabilities follow the given rule of weights.
 /// Source: [zhao-zhang] definition 2, of which a contractive system asks max norm < 1.
 /// Differs: contraction on average is enough (E1 <= -1e-3, or a negative exponent): a quarter of the tables in
 /// circulation holds a map that stretches and nevertheless has an attractor.
@@ -122,7 +122,7 @@ fn is_flat(ifs: &Ifs, map: &Map) -> bool {
     s.get(ifs.dim - 1).is_none_or(|least| *least <= SINGULAR_RATIO * s[0].max(1e-300))
 }
 
-/// Reports I021 for a system that expands on average and I022 for one that does neither.
+/// Reports I021 for a system that expands on average and I022 for one that neither expands nor contracts.
 fn judge_contraction(ifs: &Ifs, mean_log: f64, exponent: f64, diagnostics: &mut Vec<Diagnostic>) {
     if mean_log <= -NEUTRAL_EXPONENT || diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return;
@@ -139,7 +139,8 @@ fn judge_contraction(ifs: &Ifs, mean_log: f64, exponent: f64, diagnostics: &mut 
     }
 }
 
-/// I020 with the map's numbers and, where one changed digit makes both angles equal, that digit.
+/// Diagnostic I020 with the map's numbers and, if changing one digit of a coefficient makes both angles equal, that
+/// change.
 fn expanding_map_warning(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagnostic {
     let text = format!("map {} expands distances: its norm is {norm:.3}", index + 1);
     if ifs.dim != 2 {
@@ -247,14 +248,15 @@ fn likeliest(shares: &[f64]) -> usize {
 fn stationary_distribution(next: &[Vec<f64>], mut shares: Vec<f64>) -> Vec<f64> {
     for _ in 0..4096 {
         let step = |j: usize| shares.iter().zip(next).fold(0.0, |s, (p, row)| s + p * row[j]);
-        // Half a step: chains that go round in circles settle as well.
+        // The mean of the old and the new shares: with it, periodic chains converge as well.
         let mixed: Vec<f64> = (0..shares.len()).map(|j| 0.5 * (shares[j] + step(j))).collect();
         shares = mixed;
     }
     shares
 }
 
-/// Top exponent of the random product and its standard error; seed 0, so that the verdict never depends on a scene's.
+/// Top exponent of the random product and its standard error; seed 0, so that the result does not depend on a scene's
+/// seed.
 /// Source: H. Furstenberg, H. Kesten, "Products of random matrices", 1960; by simulation.
 fn lyapunov_exponent(ifs: &Ifs, shares: &[f64], next: Option<&[Vec<f64>]>) -> (f64, f64) {
     if shares.iter().all(|p| *p <= 0.0) {

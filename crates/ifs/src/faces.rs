@@ -74,7 +74,8 @@ impl WeightedTriangles {
     }
 }
 
-/// A point of a triangle, uniform from two uniform draws: those beyond the diagonal are mirrored into it.
+/// A uniformly distributed point of a triangle from two uniform draws; draws beyond the diagonal of the unit square are
+/// mirrored into the triangle.
 pub(super) fn within([a, b, c]: [DVec3; 3], v: f64, w: f64) -> DVec3 {
     let (s, t) = if v + w > 1.0 { (1.0 - v, 1.0 - w) } else { (v, w) };
     a + (b - a) * s + (c - a) * t

@@ -33,7 +33,7 @@ pub use super::window::PictureWindow;
 const SPILL_LIMIT: u32 = (1 << 20) - 1024;
 /// Largest linear colour component, 12 bits.
 const COLOR: f32 = 4095.0;
-/// Units of one hit where maps have an opacity below 1.
+/// Value of one hit where maps have an opacity below 1.
 const SHARES: f64 = 256.0;
 
 /// Points counted by pixel, with the sums of their colours where they are coloured.
@@ -49,7 +49,7 @@ pub struct Histogram {
     pub sums: Vec<[u64; 3]>,
     /// Value of one point in `hits`.
     pub unit: u64,
-    /// Points drawn, those outside the picture with them.
+    /// Number of points drawn, including those outside the picture.
     pub points: u64,
     /// Hits outside the window, times `unit`.
     pub outside: u64,
@@ -87,7 +87,8 @@ struct ColorCounter<'a> {
     cells: Vec<ColorCell>,
     spilled: BTreeMap<u32, [u64; 4]>,
     labels: &'a ColorLabels,
-    /// What a point of a label adds to its pixel, and by map the share of its points that is drawn (empty: all of them).
+    /// For each label, what a point adds to its pixel; for each map, the share of its points that is drawn (empty: all
+    /// of them).
     adds: &'a [[u32; 4]],
     shares: &'a [u32],
 }
@@ -160,7 +161,7 @@ fn spill(spilled: &mut BTreeMap<u32, [u64; 4]>, index: u32, cell: &mut [u32; 4])
 }
 
 /// Draws a system into pixels.
-/// Returns the same counts at any thread count and with any instructions.
+/// Returns the same counts at any thread count and with any instruction set.
 pub fn histogram(request: &DrawRequest<'_>, labels: Option<&ColorLabels>, window: &PictureWindow) -> Histogram {
     let plan = CountingPlan::new(request, labels, window);
     let (width, height) = (window.width, window.height);
@@ -209,7 +210,8 @@ impl Histogram {
     }
 }
 
-/// What a point of a label adds, and by map the share of its points that is drawn: empty where all maps draw all of their points.
+/// For each label, what a point adds to its pixel; for each map, the share of its points that is drawn, or empty if all
+/// maps draw all of their points.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn weights(labels: &ColorLabels, request: &DrawRequest<'_>) -> (Vec<[u32; 4]>, Vec<u32>) {
     // Linear colours in 12 bits: 2^20 hits of them fit into 32 bits, see SPILL_LIMIT.

@@ -1,7 +1,8 @@
 //! Iterated function systems: coefficient files, attractors as points and pictures, words, leaves.
 //!
-//! A system is a list of affine maps with weights. [`read`] makes [`Ifs`]s of files, [`weights`] and [`dynamics`] judge
-//! them, [`game`] draws their attractors, [`words`] expands them level by level.
+//! A system is a list of affine maps with weights. [`read`] reads [`Ifs`]s from files, [`weights`] computes
+//! probabilities, [`dynamics`] tests whether systems contract, [`game`] draws their attractors, [`words`] expands them
+//! level by level.
 //!
 //! # Examples
 //! ```
@@ -47,10 +48,10 @@ use osier_base::diagnostic::Span;
 /// Largest magnitude of a number that readers accept in a file.
 pub const MAX_COEFFICIENT: f64 = 1e12;
 
-/// An iterated function system, with what its file says about colours and the picture.
+/// An iterated function system, with the colours and the picture window that its file states.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ifs {
-    /// As written in its file.
+    /// Name as written in the file.
     pub name: String,
     /// 2 or 3; a plane attractor lies in z = 0.
     pub dim: usize,
@@ -79,7 +80,7 @@ pub struct Map {
     pub affine: Affine,
     /// Weight as written; `None` where the file gives none.
     pub weight: Option<f64>,
-    /// Linear RGB of the points that the map makes; `None`: brown for a stem, else one of the default greens.
+    /// Linear RGB of the points that the map makes; `None`: brown for a stem, otherwise one of the default greens.
     pub color: Option<[f32; 3]>,
     /// Place in the palette, 0..1.
     pub coord: f64,
@@ -87,7 +88,7 @@ pub struct Map {
     pub speed: f64,
     /// Share of its points that are drawn, 0..1.
     pub opacity: f64,
-    /// Factor on radii; `None`: the scale.
+    /// Factor on the radius of a branch; `None`: the map's scale.
     pub radius: Option<f64>,
     /// Branch parameters, where the table gives the map as a branch.
     pub branch: Option<Branch>,

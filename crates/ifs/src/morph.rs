@@ -26,9 +26,9 @@ use super::dynamics::SystemAnalysis;
 use super::polar::{Turn, parts};
 use super::{Ifs, Map};
 
-/// Places along a segment where the fixed points are judged.
+/// Number of places along a segment at which fixed points are tested.
 const FIXED_POINT_SAMPLES: u32 = 32;
-/// |det(I - A)| below which a fixed point runs away.
+/// |det(I - A)| below which a fixed point counts as running to infinity.
 const MIN_FIXED_POINT_DET: f64 = 1e-6;
 
 /// A system at one time of the morph, with its analysis and the extra turns of its maps.
@@ -44,7 +44,7 @@ pub struct MorphKey {
     pub turns: Vec<f64>,
 }
 
-/// How maps, weights and time run from one key to the next.
+/// How maps, weights and time are interpolated between keys.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MorphOptions {
     /// Smoothstep in time: velocity 0 at the keys. Otherwise linear.
@@ -73,7 +73,7 @@ pub struct MorphMismatch {
 struct MapPath {
     turn: [Turn; 2],
     stretch: [glam::DMat3; 2],
-    /// Shifts, or fixed points.
+    /// Shifts at both ends, or fixed points if these are interpolated.
     shift: [DVec3; 2],
     extra_turns: f64,
 }
@@ -85,21 +85,21 @@ struct MorphSegment {
     last: Option<MapPath>,
 }
 
-/// A system whose maps and weights run through those of its keys.
+/// A system whose maps and weights are interpolated between keys.
 #[derive(Debug, Clone)]
 pub struct Morph {
     keys: Vec<MorphKey>,
     segments: Vec<MorphSegment>,
     options: MorphOptions,
-    /// Exponent that is nearest to 0: its warm-up does for all keys.
+    /// Lyapunov exponent nearest to 0 among the keys: its warm-up is long enough for all of them.
     exponent: f64,
 }
 
 impl Morph {
     /// Interpolates from each key to the next; their times must rise. A single key gives a system that does not change.
     /// # Errors
-    /// I070 for tables of unequal numbers of maps, dimension or condensation sets, I071 where a fixed point that is to be
-    /// moved does not stay single.
+    /// I070 for tables of unequal numbers of maps, dimension or condensation sets, I071 where a fixed point that is
+    /// interpolated does not stay unique.
     pub fn new(keys: Vec<MorphKey>, options: MorphOptions) -> Result<Self, MorphMismatch> {
         let Some(first) = keys.first() else {
             return Err(mismatch(0, "I070", "a morph without keys".into(), "give it at least two keys"));
@@ -179,8 +179,8 @@ impl Morph {
         system
     }
 
-    /// What the chaos game needs to know of the system at a time, s: its weights, divided by their sum. Start and warm-up
-    /// are the same at all times, so while weights stay, every point keeps its word.
+    /// Analysis of the system at a time, s, for the chaos game: its weights, divided by their sum. Start and warm-up
+    /// are the same at all times, so every point keeps its word while the weights do not change.
     pub fn study(&self, seconds: f64) -> SystemAnalysis {
         let (k, t) = if self.options.hold_weights { (0, 0.0) } else { self.place(seconds) };
         let a = &self.keys[k].study;
@@ -218,7 +218,7 @@ fn next_probabilities(study: &SystemAnalysis, i: usize) -> Vec<f64> {
 }
 
 fn blended(a: &[f64], b: &[f64], t: f64) -> Vec<f64> {
-    // Equal weights stay bit for bit, or a point in a billion would change its word.
+    // Equal weights are returned unchanged: rounding would change the word of one point in a billion.
     if t <= 0.0 || a == b {
         return a.to_vec();
     }
@@ -284,7 +284,8 @@ impl MapPath {
         Affine { a, b: if fixed { shift - a * shift } else { shift } }
     }
 
-    /// Moves the fixed points instead of the shifts linearly; the error says where on the path there is no single one.
+    /// Interpolates the fixed points linearly instead of the shifts. The error says where on the path the fixed point
+    /// is not unique.
     fn use_fixed_points(&mut self, ends: [Affine; 2]) -> Result<(), String> {
         let det = |i: u32| {
             let t = f64::from(i) / f64::from(FIXED_POINT_SAMPLES);

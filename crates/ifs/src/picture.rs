@@ -51,11 +51,11 @@ pub struct DensityEstimator {
 /// How the density of points becomes opacity, and what lies behind the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToneMapping {
-    /// g of alpha = ln(1 + g D) / ln(1 + g D99.5).
+    /// Factor g on the density D in alpha = ln(1 + g D) / ln(1 + g D99.5).
     pub exposure: f64,
     /// Exponent of the opacity; below 1 brightens thin parts.
     pub gamma: f64,
-    /// Linear RGB, or none: the picture is transparent.
+    /// Linear RGB of the background; `None`: the picture is transparent.
     pub background: Option<[f32; 3]>,
 }
 
@@ -72,7 +72,7 @@ pub struct Density {
     pub width: usize,
     /// Number of rows of `value` and `color`.
     pub height: usize,
-    /// hits W H / N: 1 on average when nothing lies outside.
+    /// Density D = hits W H / N for N points on W x H pixels: 1 on average if no point lies outside.
     pub value: Vec<f32>,
     /// Mean linear RGB of a pixel's points, or empty.
     pub color: Vec<[f32; 3]>,
@@ -81,11 +81,12 @@ pub struct Density {
 /// Hits and colour sums of one pixel in floating point: hits, red, green, blue.
 type PixelSums = [f64; 4];
 
-/// Density of counts made at `oversample` times the size, thin places spread by the estimator.
+/// Density of a histogram that was counted at `oversample` times the size; the estimator spreads the hits of thin
+/// places.
 /// Source: S. Draves, E. Reckase, "The fractal flame algorithm", 2003: adaptive density estimation.
 /// Differs: hits are spread evenly over a disc.
 /// # Errors
-/// `Cancelled` at a request during the spreading.
+/// `Cancelled` if cancelling is requested while hits are spread.
 #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
 pub fn density(
     h: &Histogram,
@@ -135,7 +136,7 @@ fn box_sums(h: &Histogram, k: usize, x: usize, y: usize) -> PixelSums {
 /// One row of a disc: its offset from the centre and its half width, pixels.
 type DiscRow = (isize, usize);
 
-/// Rows of the disc of a radius, pixels, of at most `reach` pixels.
+/// Rows of a disc of the given radius in pixels, at most `reach`.
 fn disc_rows(radius: f64, reach: usize) -> Vec<DiscRow> {
     let is_inside = |dx: usize, dy: usize| ((dx * dx + dy * dy) as f64) <= radius * radius;
     let half_width = |dy: isize| (0..=reach).rev().find(|dx| is_inside(*dx, dy.unsigned_abs()));
@@ -143,8 +144,8 @@ fn disc_rows(radius: f64, reach: usize) -> Vec<DiscRow> {
     offsets.filter_map(|dy| Some((dy, half_width(dy)?))).collect()
 }
 
-/// Each pixel's sample spread evenly over a disc around it, bands of rows in parallel: each pixel adds up the samples around it
-/// in the order of rows, so that its sum does not depend on the bands.
+/// Spreads each pixel's sample evenly over a disc around it. Bands of rows run in parallel; each pixel sums the samples
+/// around it in the order of rows, so that its sum does not depend on the bands.
 /// # Errors
 /// `Cancelled`.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a radius of a few pixels")]
@@ -160,7 +161,8 @@ fn spread_hits(
     // Discs of all radii in steps of a quarter pixel.
     let discs: Vec<Vec<DiscRow>> = (0..=reach * 4).map(|quarter| disc_rows(quarter as f64 * 0.25, reach)).collect();
     let mut out = vec![[0.0; 4]; samples.len()];
-    // A band also visits the rows within reach of it; it is as high as these, so that they do not cost more than its own.
+    // A band also visits the rows up to `reach` above and below it. It is at least as high as these together, so that
+    // they cost no more than its own rows.
     let band = MIN_BAND.max(2 * reach);
     let mut bands: Vec<(usize, &mut [PixelSums])> =
         (0..height).step_by(band).zip(out.chunks_mut(band * width.max(1))).collect();
@@ -174,7 +176,8 @@ fn spread_hits(
                 // Dense pixels keep their hits; thin ones spread over max(minimum, radius / hits^curve) pixels.
                 let quarter = (radius(s[0]) * 4.0 + 0.5) as usize;
                 let Some(disc) = discs.get(quarter.min(discs.len() - 1)) else { continue };
-                // Hits near the border stay inside: their share is taken by the part of the disc that is there.
+                // Near the border, hits are spread over the part of the disc that lies inside the picture, so that none
+                // is lost.
                 let rows = disc.iter().filter_map(|(dy, half)| {
                     let v = y.checked_add_signed(*dy).filter(|v| *v < height)?;
                     Some((v, x.saturating_sub(*half), (x + half).min(width - 1)))
@@ -220,14 +223,15 @@ pub fn opacity(d: &Density, tone: &ToneMapping) -> Vec<f32> {
         .concat()
 }
 
-/// RGB over the background, or RGBA without one, sRGB in 0..1, rows from the top. `flat`: linear RGB where `d` has no colours.
+/// The tone-mapped picture in sRGB, 0..1, rows from the top: RGB over the background, or RGBA without one. `flat`:
+/// linear RGB where `d` has no colours.
 pub fn tone_mapped(d: &Density, tone: &ToneMapping, flat: [f32; 3]) -> Vec<f32> {
     let alpha = opacity(d, tone);
     let mut out = Vec::with_capacity(alpha.len() * 4);
     for (i, a) in alpha.iter().enumerate() {
         let c = d.color.get(i).copied().unwrap_or(flat);
         match tone.background {
-            // Laid over in sRGB, as programs lay the transparent picture over a page.
+            // Composited in sRGB, as programs do that show the transparent picture on a page.
             Some(b) => out.extend((0..3).map(|k| math::lerp(srgb_from_linear(b[k]), srgb_from_linear(c[k]), *a))),
             None => out.extend(c.map(srgb_from_linear).into_iter().chain([*a])),
         }

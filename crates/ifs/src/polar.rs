@@ -18,7 +18,7 @@ pub enum Turn {
 }
 
 impl Turn {
-    /// Its matrix, a rotation with determinant 1.
+    /// Matrix of the turn, a rotation with determinant 1.
     pub fn matrix(self) -> DMat3 {
         match self {
             Self::Plane(angle) => turn_z(angle),
@@ -31,8 +31,8 @@ impl Turn {
         if dim == 2 { Self::Plane(0.0) } else { Self::Space(DQuat::IDENTITY) }
     }
 
-    /// The turn at the share `t` of the shortest way from `self` to `other`, lengthened by `more` full turns in its
-    /// sense; a way without length turns about the vertical.
+    /// The turn at the share `t` of the shortest path from `self` to `other`, extended by `more` full turns in the same
+    /// direction; if the path has no length, they are about the vertical.
     /// Source: K. Shoemake, "Animating rotation with quaternion curves", 1985, by axis and angle.
     #[must_use]
     pub fn toward(self, other: Self, more: f64, t: f64) -> Self {
@@ -107,7 +107,7 @@ fn svd(a: DMat3) -> (DMat3, DVec3, DMat3) {
     let length = |m: &[DVec3; 3], i: usize| math::sqrt(m[i].dot(m[i]));
     for (p, q) in [(0, 1), (1, 2), (0, 1)] {
         if length(&m, p) < length(&m, q) {
-            // Exchanged with one sign turned, so that V stays a rotation.
+            // Columns are swapped and one sign is flipped, so that V stays a rotation.
             (m[p], m[q]) = (m[q], -m[p]);
             (v[p], v[q]) = (v[q], -v[p]);
         }
@@ -117,8 +117,8 @@ fn svd(a: DMat3) -> (DMat3, DVec3, DMat3) {
     (DMat3::from_cols(unit(0), unit(1), unit(2)), s, DMat3::from_cols(v[0], v[1], v[2]))
 }
 
-/// Rotation R of a linear map A = R S. `Err` where R is not unique: the direction of the largest singular value and its
-/// image for a map of rank 1 in space, `None` where nothing is determined.
+/// Rotation R of a linear map A = R S. `Err` where R is not unique: for a map of rank 1 in space it holds the direction
+/// of the largest singular value and its image, otherwise `None`.
 /// Source: A. Cauchy's polar decomposition with det R = 1, so that S may have one negative eigenvalue: it holds for
 /// reflections and singular maps. In the plane angle(R) = atan2(c - b, a + d); in space R = U diag(1, 1, det(U V^T)) V^T.
 fn turn(a: DMat3, dim: usize) -> Result<Turn, Option<(DVec3, DVec3)>> {
@@ -145,9 +145,9 @@ fn turn(a: DMat3, dim: usize) -> Result<Turn, Option<(DVec3, DVec3)>> {
     Ok(Turn::Space(DQuat::from_mat3(&r).normalize()))
 }
 
-/// Rotations and stretches of one map at successive keys: A = R S. Where the rotation of a key is not determined, that of the
-/// nearest earlier key is used, else of the next later one, else the identity. For rank 1 in space it is changed as little as it
-/// takes to map the known direction to its image.
+/// Rotations and stretches of one map at successive keys: A = R S. Where the rotation of a key is not determined, that
+/// of the nearest earlier key is used, otherwise that of the next later key, otherwise the identity. For rank 1 in
+/// space this rotation is changed by the smallest turn that maps the known direction to its image.
 pub fn parts(maps: &[DMat3], dim: usize) -> Vec<(Turn, DMat3)> {
     let own: Vec<_> = maps.iter().map(|a| turn(*a, dim)).collect();
     let neighbour = |i: usize| {

@@ -1,4 +1,4 @@
-//! Counts points of an attractor into the cells of a picture: by cylinders where possible, else by the chaos game.
+//! Counts points of an attractor into the cells of a picture: by cylinders where possible, otherwise by the chaos game.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use osier_base::par::{par_map, threads};
 const MAX_CELL_BYTES: usize = 1 << 30;
 /// Diagonals of the picture, or of the unit box, beyond which a lane has escaped and restarts.
 const ESCAPE_DIAGONALS: f64 = 1e4;
-/// Points whose pixels are found at once.
+/// Number of points whose pixels are found at once.
 pub(super) const SLICE: usize = 1024;
 /// The identity map in the order of [`Affine::single`](super::affine::Affine).
 const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
@@ -30,7 +30,7 @@ struct PixelIndexer {
 }
 
 impl PixelIndexer {
-    /// Cells of the images of up to [`SLICE`] places.
+    /// Indices of the cells of the images of up to [`SLICE`] points.
     fn cells(&mut self, map: &[f32; 12], [x, y, z]: [&[f32]; 3]) -> &[u32] {
         let out = &mut self.index[..x.len()];
         images(self.tier, map, [x, y, if self.deep { z } else { &[] }], self.layout, out);
@@ -40,11 +40,11 @@ impl PixelIndexer {
 
 /// Cells of a picture that count points.
 pub(super) trait CellCounter {
-    /// Labels of the points, if what is counted depends on them.
+    /// Labels of the points, if the counts depend on them.
     fn labels(&self) -> Option<&ColorLabels>;
     /// Counts points in these cells, with the map that made each and its label.
     fn add_each(&mut self, cells: &[u32], maps: &[u32], labels: &[u32]);
-    /// Counts points of a cylinder; `coord`: colour coordinates of its places, or none.
+    /// Counts points of a cylinder; `coord`: colour coordinates of the points, or empty.
     fn add(&mut self, cells: &[u32], cylinder: &Cylinder, coord: &[f32]);
 }
 
@@ -86,12 +86,13 @@ impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
     }
 }
 
-/// How a system is counted: by a cut into cylinders where it allows one, else by the chaos game, with the units of work.
+/// How a system is counted: by a cut into cylinders if it allows one, otherwise by the chaos game; and the units of
+/// work.
 pub(super) struct CountingPlan {
     game: ChaosGame,
     /// The cut into cylinders, for systems that allow it; others are counted by the chaos game.
     cut: Option<CylinderCut>,
-    /// Blocks or batches, and steps of a lane of a block.
+    /// Number of blocks or batches, and of steps of each lane of a block.
     blocks: u64,
     steps: u64,
     /// Points drawn by all blocks or batches, at least as many as asked for.
@@ -134,8 +135,8 @@ impl CountingPlan {
         }
     }
 
-    /// Counts all points. Each thread has a separate set of cells, of `bytes` bytes each, while they fit the memory; `make`:
-    /// empty cells for a [`TileLayout`].
+    /// Counts all points. Each thread has a separate set of cells, `bytes` bytes per cell, as long as all sets fit in
+    /// memory; `make` creates empty cells for a [`TileLayout`].
     pub fn count<C: CellCounter + Send>(&self, bytes: usize, make: impl Fn() -> C + Sync) -> (Vec<C>, Escapes) {
         let blocks = limit(self.blocks);
         // Each thread counts into separate cells, without atomics; sums of whole numbers do not depend on the division of the
@@ -178,7 +179,7 @@ fn count_range(
     range: Range<usize>,
 ) {
     for start in range.clone().step_by(SLICE) {
-        // Slices that fit the nearest cache: pixels first, then counts.
+        // Slices are small enough for the first-level cache: first find the pixels of a slice, then count.
         let part = start..range.end.min(start + SLICE);
         let index = pixels.cells(&cylinder.map, pool.place.each_ref().map(|row| &row[part.clone()]));
         cells.add(index, cylinder, pool.coord.get(part).unwrap_or(&[]));

@@ -32,12 +32,12 @@ use super::{CondensationShape, Ifs, dynamics};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math;
 
-/// Least height on the parent of a map that leads on, and most degrees off the vertical.
+/// Smallest height on the parent of a branch that continues the axis, and its largest angle to the trunk.
 const MIN_APEX_HEIGHT: f64 = 0.9;
 const MAX_APEX_LEAN_DEG: f64 = 35.0;
-/// Distance of its ends, table units, within which a trunk counts as the unit segment.
+/// A trunk counts as the unit segment if each end lies within this distance of the segment's end, table units.
 const UNIT_TRUNK_TOLERANCE: f64 = 0.03;
-/// Radius over length of a trunk that the table does not describe.
+/// Radius divided by length of a trunk that the table does not describe.
 const DEFAULT_TRUNK_RADIUS: f64 = 0.08;
 
 /// A system whose maps place branches on a trunk; [`stems`] makes it.
@@ -60,8 +60,8 @@ pub fn is_tree(ifs: &Ifs) -> bool {
     ifs.dim == 3 && (branches || segment || ifs.maps.iter().any(is_squash))
 }
 
-/// Reads a system as a tree. Branches as they were written; plain matrices by their norms: s = norm, radius factor
-/// s^(D/2) with sum s^D = 1, so that a fork keeps its cross-section.
+/// Reads a system as a tree. Branches keep the scales that the table states. A plain matrix has its norm as scale s and
+/// the radius factor s^(D/2) with sum s^D = 1, so that a fork keeps its cross-section.
 /// Source: Leonardo's rule of branch areas; [zhao-zhang] 2.2.1 names the branching modes.
 /// # Errors
 /// I041 for a branch that does not shrink, I023 if the system has no attractor.
@@ -150,6 +150,6 @@ fn apex(ifs: &Ifs, foot: DVec3, tip: DVec3) -> Option<usize> {
             best = Some((l, i));
         }
     }
-    // Equal halves of a fork: none of them leads.
+    // If several branches lean equally little, as in a symmetric fork, none of them continues the axis.
     best.filter(|(l, _)| *l < osier_base::units::radians(MAX_APEX_LEAN_DEG) && ties == 0).map(|b| b.1)
 }

@@ -15,14 +15,14 @@ use osier_base::math;
 /// How the probabilities of the maps follow from the file's weights or from the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WeightRule {
-    /// The file's column, cumulative columns taken apart, divided by its sum; without one as [`WeightRule::Det`] or, in space,
-    /// [`WeightRule::Moran`].
+    /// The file's column divided by its sum; a column of running sums is turned into differences first. A file without
+    /// a column follows [`WeightRule::Det`] or, in space, [`WeightRule::Moran`].
     File,
     /// The file's column as it is, divided by its sum.
     Raw,
-    /// By |det A|: area or volume of each map's image.
+    /// Proportional to |det A|: the area or volume of each map's image.
     Det,
-    /// By s^D: s is the mean contraction of a map, D the similarity dimension, for which these add up to 1.
+    /// s^D: s is the mean contraction of a map, D the similarity dimension, for which these powers add up to 1.
     Moran,
     /// The same for every map, whatever the weights of the file.
     Equal,
@@ -81,7 +81,7 @@ fn normalized(mut weights: Vec<f64>) -> Vec<f64> {
     weights
 }
 
-/// Differences of a column that is a running sum, else `None`.
+/// Differences of a column that is a running sum; `None` for other columns.
 fn differences(column: &[f64]) -> Option<Vec<f64>> {
     let sum = column.iter().fold(0.0, |s, w| s + w);
     // A running sum rises from 0 or more to 1; shares of 1 would not sum to more than 1.
@@ -163,9 +163,9 @@ fn fractint_shares(column: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Warnings about the weights and their factors in the chaos matrix as written (I012 to I015), or about a part of them. Only the rule of the file reads
-/// running sums and expects a sum of 1: flames, whose weights are relative, and tables with another rule get neither I012 nor
-/// I014 for a sum.
+/// Warnings about the weights and their factors in the chaos matrix as written (I012 to I015), or about a part of them.
+/// Only the rule of the file reads running sums and expects a sum of 1: flames, whose weights are relative, and tables
+/// with another rule get neither I012 nor I014 for a sum.
 pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
     let mut warnings = Vec::new();
     let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);

@@ -38,9 +38,9 @@ pub const NONE: u32 = u32::MAX;
 /// Most words that an expansion cuts, for each word that it may keep. Own: a tree of m maps cuts m - 1 words for each that it keeps;
 /// one of a thousand maps would cut billions before it had too many words.
 pub const CUTS_PER_WORD: u64 = 4;
-/// Words below this share of the trunk do not count for the size of a tree: they reach hardly beyond their parents.
+/// Words below this share of the trunk do not count for the size of a tree: they hardly extend beyond their parents.
 const SIZE_EPS: f64 = 0.03;
-/// Most words that the size of a tree is measured on; where there are more, the smallest do not count either.
+/// Maximum number of words on which the size of a tree is measured; if there are more, the smallest are ignored.
 const SIZE_WORDS: u64 = 5_000_000;
 
 /// A word of maps, the outermost letter first.
@@ -54,17 +54,17 @@ pub struct Word {
     pub depth: u16,
     /// Branching order: number of its letters that do not continue an axis; 0 on the trunk.
     pub order: u16,
-    /// Product of the scales of its letters: its length over the trunk's.
+    /// Product of the scales of its letters: its length divided by the trunk's.
     pub size: f64,
-    /// Product of the factors on radii of its letters: its thickness over the trunk's.
+    /// Product of the factors on radii of its letters: its thickness divided by the trunk's.
     pub radius: f64,
-    /// Composition of its maps, the first letter's outermost.
+    /// Composition of its maps; the first letter's map is applied last.
     pub map: Affine,
-    /// Address of its letters without a seed.
+    /// Identifier computed from its letters, independent of the seed.
     pub id: u64,
 }
 
-/// Size, length and branching order of a word: what decides whether it is expanded further.
+/// Size, length and branching order of a word, which decide whether it is expanded further.
 #[derive(Debug, Clone, Copy)]
 struct WordMeasure {
     /// Product of the scales of its letters.
@@ -84,8 +84,8 @@ pub struct ExpansionLimits {
     pub max_depth: u16,
     /// Highest branching order; words of a higher one are cut.
     pub max_order: u16,
-    /// Most words of an expansion, without those cut; more are the error I040, and so are more than [`CUTS_PER_WORD`] times as
-    /// many that are cut.
+    /// Maximum number of words of an expansion, not counting cut words. More are the error I040, and so are more cut
+    /// words than [`CUTS_PER_WORD`] times this number.
     pub max_words: u64,
     /// Flag of the command line that raises `max_words`, which I040 names; `None` where nothing raises it.
     pub raised_by: Option<&'static str>,
@@ -94,7 +94,7 @@ pub struct ExpansionLimits {
 /// Random variation of the maps from word to word.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Variation {
-    /// Key of the stream that the letters are added to.
+    /// Key of the plant's random stream; the key of a word is derived from it letter by letter.
     pub key: u64,
     /// Factor on the standard deviations, 0 (none) to 2.
     pub amount: f64,
@@ -198,7 +198,7 @@ pub fn expand(
     let Some((words, cuts)) = letters.count(ifs, limits) else {
         return Err(Box::new(too_many(ifs, letters, limits)));
     };
-    // Their number is known: lists that grew would take up to twice the memory.
+    // The number of words is known: lists that grow would take up to twice the memory.
     let mut out = Expansion { words: Vec::with_capacity(limit(words)), cuts: Vec::with_capacity(limit(cuts)) };
     let root =
         Word { parent: NONE, letter: 0, depth: 0, order: 0, size: 1.0, radius: 1.0, map: Affine::IDENTITY, id: 0 };
@@ -207,8 +207,8 @@ pub fn expand(
         return Ok(out);
     }
     out.words.push(root);
-    // The words from the trunk to the one that is expanded, each with the number of its maps that are done: words come depth first in
-    // the order of the file, and only those of one branch wait.
+    // The words from the trunk to the one that is expanded, each with the number of maps that have been appended to it.
+    // Words are made depth first in the order of the file, so that only the words of one branch are unfinished.
     let mut branch = vec![OpenWord { word: root, index: 0, key: vary.map_or(0, |v| v.key), done: 0 }];
     let mut next_index = 1_u32;
     while let Some(open) = branch.last_mut() {
@@ -246,7 +246,7 @@ pub fn expand(
     Ok(out)
 }
 
-/// A word on the way to the one that is expanded.
+/// A word on the path from the trunk to the word that is being expanded.
 struct OpenWord {
     word: Word,
     /// Its index among the words.
@@ -293,7 +293,8 @@ fn varied(map: &Map, key: u64, amount: f64) -> Affine {
             Affine::branch(&b)
         }
         None => {
-            // Turned about its stem, then tilted along with it.
+            // A map without branch parameters is tilted and scaled before it acts, and rolled about the parent after
+            // it.
             let turned = super::affine::turn_y(roll) * map.affine.a * super::affine::turn_z(pitch) * scale;
             Affine { a: turned, b: map.affine.b }
         }
@@ -303,7 +304,7 @@ fn varied(map: &Map, key: u64, amount: f64) -> Affine {
 /// Extent of a tree without variation, table units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TreeExtent {
-    /// From the foot of the trunk to the highest end of a word, at least the trunk's length.
+    /// Height of the highest end of a word above the foot of the trunk, at least the trunk's length.
     pub height: f64,
     /// Largest distance of an end of a word from the foot of the trunk along x or z.
     pub half_width: f64,

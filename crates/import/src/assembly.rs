@@ -33,7 +33,8 @@ pub(super) fn join(context: &mut ImportContext<'_>, mut parts: Vec<MeshPart>) ->
     warn_of_rounding(context, &parts);
     // A stable sort: parts of one material keep the order of the file and become one subset.
     parts.sort_by_key(|p| p.material);
-    // A mesh has an attribute for all of its points or for none, so where one part has it the others are filled up.
+    // A mesh has an attribute for all of its points or for none: if one part has it, the others are filled with
+    // defaults.
     let with_uvs = parts.iter().any(|p| !p.uvs.is_empty());
     let with_colors = parts.iter().any(|p| !p.colors.is_empty());
     let mut mesh = Mesh::default();
@@ -69,16 +70,16 @@ pub(super) fn join(context: &mut ImportContext<'_>, mut parts: Vec<MeshPart>) ->
     Ok(mesh)
 }
 
-/// Warns (X016) of a mesh so far from the origin of its file that 32-bit coordinates change its shape, as of land in the coordinates of
-/// a national grid.
+/// Warns (X016) of a mesh so far from the origin of its file that 32-bit coordinates change its shape, for example
+/// terrain in the coordinates of a national grid.
 fn warn_of_rounding(context: &mut ImportContext<'_>, parts: &[MeshPart]) {
-    /// Distance of neighbouring coordinates as a share of the size of the mesh from which on the shape suffers. Own: a mesh of 1 km
-    /// has steps of 10 cm; meshes beside their origin are a thousand times below.
+    /// Distance of neighbouring f32 coordinates, as a share of the size of the mesh, from which on the shape suffers.
+    /// Own: a mesh of 1 km then has steps of 10 cm; meshes near their origin are a thousand times finer.
     const COARSE: f32 = 1e-4;
     let bounds = Bounds::of(parts.iter().flat_map(|p| p.points.iter().copied()));
     let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
     let size = (bounds.max - bounds.min).max_element();
-    // Numbers of 24 bits have neighbours at this distance, or at half of it.
+    // f32 has a significand of 24 bits: coordinates near `farthest` are this far apart, or half as far.
     let step = farthest * f32::EPSILON;
     if size > 0.0 && size.is_finite() && step > COARSE * size {
         let message = format_args!(

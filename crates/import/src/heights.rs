@@ -14,9 +14,9 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Names of the channel that holds heights, in the order in which they are looked for; case is ignored.
 const CHANNELS: [&str; 6] = ["Y", "height", "Z", "displacement", "R", "G"];
 
-/// Numbers that programs for maps write where an elevation model has no height; -10,000 is -9999 in 16 bits.
+/// No-data values of GIS programs, which mark pixels without a height; -10,000 is -9999 in 16 bits.
 const NO_DATA: [f32; 5] = [-9_999.0, -10_000.0, -32_767.0, -32_768.0, -99_999.0];
-/// From this magnitude on numbers are no heights in any unit: marks such as -3.4e38 and 1e20. Own.
+/// Least magnitude of values that cannot be heights in any unit: no-data marks such as -3.4e38 and 1e20. Own.
 const NO_HEIGHT: f32 = 1e9;
 
 /// Unit of the values of a height map: fractions of a range that is still to be given, or lengths.
@@ -59,7 +59,7 @@ pub fn read_heights(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> R
     map.and_then(|map| check(&context, map)).map_err(|d| Error::from(*d))
 }
 
-/// Refuses maps without a cell, and values that are no heights.
+/// Fails for maps without a cell, and for values that are no heights.
 fn check(context: &ImportContext<'_>, map: HeightMap) -> ImportResult<HeightMap> {
     if map.width < 2 || map.height < 2 {
         let message = format_args!("the height map has {} x {} pixels", map.width, map.height);
@@ -88,10 +88,11 @@ fn check(context: &ImportContext<'_>, map: HeightMap) -> ImportResult<HeightMap>
     Ok(map)
 }
 
-/// What to do with an elevation model that has pixels without a height.
+/// Advice for an elevation model that has pixels without a height.
 const FILL_GAPS: &str = "fill gaps of the elevation model before export; programs for maps call it \"fill no data\"";
 
-/// The number that marks pixels without a height in a map, if it has one. -9999 is a height where others come near to it.
+/// The value that marks pixels without a height in a map, if it has one. A mark of [`NO_DATA`] counts as a height if
+/// other values lie below half of it.
 fn no_data_mark(map: &HeightMap) -> Option<f32> {
     if map.unit != HeightUnit::Values {
         return None;

@@ -19,8 +19,8 @@
 //! # Ok::<(), osier_base::Error>(())
 //! ```
 //!
-//! No crate opens a path: references are read through [`osier_base::files::SearchPaths`] and handed on as slices. Whatever a file
-//! declares is held against the limits before memory is spent.
+//! The readers open no paths: referenced files are read through [`osier_base::files::SearchPaths`] and passed on as
+//! slices. All sizes that a file declares are checked against the limits before memory is allocated.
 
 mod assembly;
 mod gltf;
@@ -48,7 +48,7 @@ pub enum UpAxis {
     Z,
 }
 
-/// Where a file may read from, what it may cost, and how its mesh becomes one of the scene.
+/// Search paths, limits, and conversion of the mesh to the scene.
 #[derive(Debug, Clone, Copy)]
 pub struct ImportOptions<'a> {
     /// Folders from which files that the file refers to may be read; a reference that leaves them is an error.
@@ -59,11 +59,12 @@ pub struct ImportOptions<'a> {
     pub up: UpAxis,
     /// Metres per unit of the file, finite, > 0.
     pub scale: f32,
-    /// Class of all its materials; leaves and catkins begin as double-sided and translucent, before values of the file.
+    /// Class of all materials; for leaves and catkins, materials are double-sided and translucent unless the file says
+    /// otherwise.
     pub class: MaterialClass,
 }
 
-/// A file that took part, for the scene's hash.
+/// A file that was read; part of the scene's hash.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InputFile {
     /// Where it was found; for the imported file itself the path as it was given.
@@ -75,24 +76,24 @@ pub struct InputFile {
 /// Triangles of one object of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TriangleGroup {
-    /// What the file calls it; empty if it has no name.
+    /// Name in the file; empty if it has none.
     pub name: String,
-    /// Its run of the mesh's triangles.
+    /// Range of the object's triangles in those of the mesh.
     pub triangles: std::ops::Range<usize>,
 }
 
-/// An artist's mesh, +Y up, metres.
+/// A mesh from a modelling program, converted to +Y up and metres.
 #[derive(Debug, Clone)]
 pub struct Imported {
     /// One subset per material used; subsets index `materials`.
     pub mesh: Mesh,
-    /// The objects that it is made of, in the order of its triangles; an object of several materials is several parts.
+    /// Objects of the file, in the order of the mesh's triangles; an object of several materials is several parts.
     pub parts: Vec<TriangleGroup>,
     /// Materials; their maps index `images`.
     pub materials: Vec<Material>,
     /// The images that the maps of `materials` index.
     pub images: Vec<Image>,
-    /// The file and all that it refers to, in order of reference.
+    /// The file and all files that it refers to, in order of reference.
     pub files: Vec<InputFile>,
     /// Warnings of the reader; errors make [`read`] fail instead.
     pub warnings: Report,
@@ -110,7 +111,7 @@ pub fn read(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<Im
     let mut context = ImportContext::new(path, bytes, options);
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     let result = match ending.as_deref() {
-        // The magic of a binary file counts more than its ending.
+        // The magic number of a binary file takes precedence over its extension.
         _ if bytes.starts_with(b"glTF") => gltf::read(&mut context, bytes),
         Some("gltf" | "glb") => gltf::read(&mut context, bytes),
         Some("obj") => obj::read(&mut context, bytes),
@@ -248,7 +249,7 @@ impl<'a> ImportContext<'a> {
         }
     }
 
-    /// Error X010 if the file has more of something than its limit allows.
+    /// Fails with X010 if `wanted` exceeds the limit of this name.
     fn limit(&self, name: &str, wanted: u64) -> ImportResult<()> {
         let limit = self.options.limits.get(name);
         if wanted <= limit {

@@ -13,8 +13,8 @@ use osier_scene::plant::{Axis, NONE, Organ, Plant};
 /// Share of the whole growth time that a leaf takes to unfold; the clip ends when the youngest leaf has unfolded. Larger values
 /// make growth look slower at the tips.
 const UNFOLDING: f32 = 0.08;
-/// Thickness of wood against its age: r = r_grown (age / final age)^e. With 1 wood would thicken at a constant rate; below it, as
-/// in trees, faster when young.
+/// Exponent e of the growth of wood in thickness: r = r_grown (age / final age)^e. With 1 wood would thicken at a constant rate;
+/// with less than 1 it thickens faster when young, as in trees.
 const THICKENING: f32 = 0.75;
 
 /// Times of birth of a plant's nodes and organs, 0..1 of the growth time of its wood.
@@ -54,7 +54,7 @@ impl GrowthClock {
     }
 }
 
-/// Path length from the ground to each node over the longest of all.
+/// Path length from the ground to each node, divided by the longest of all.
 fn births_by_path(plant: &Plant) -> Vec<f32> {
     let mut starts: Vec<f32> = Vec::with_capacity(plant.axes.len());
     let mut births = vec![0.0; plant.nodes.len()];

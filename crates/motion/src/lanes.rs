@@ -1,14 +1,14 @@
 //! Vectors, rotations and columns of numbers in the SIMD lanes of `osier_base::simd`: several branches at once.
 //!
-//! Nothing here is fused, so that the bits of a lane do not depend on the instruction set. What handles lanes is
-//! `inline(always)` and holds no closures: these would not be compiled with the instructions of the dispatch.
+//! No product and sum are fused, so that the bits of a lane do not depend on the instruction set. Functions on lanes are
+//! `inline(always)` and hold no closures, which would not be compiled with the instructions of the dispatch.
 
 use std::ops::{Add, Mul, RangeInclusive, Sub};
 
 use osier_base::simd::{F64Lanes, Lane as _};
 use pulp::Simd;
 
-/// Rows to which columns are padded: the widest SIMD register of `f64` on any target.
+/// Number of rows to a multiple of which columns are padded: the `f64` numbers in the widest SIMD register of any target.
 const WIDEST: usize = 8;
 
 /// One vector for each SIMD lane, component by component.
@@ -85,7 +85,7 @@ impl<S: Simd> RotationLanes<S> {
 
     #[inline(always)]
     pub(crate) fn apply_inverse(&self, v: Vec3Lanes<S>) -> Vec3Lanes<S> {
-        // The transpose: rows weighted by the components of v.
+        // The product with the transposed matrix: the sum of the rows, weighted by the components of v.
         let [a, b, c] = self.0;
         a * v.0[0] + b * v.0[1] + c * v.0[2]
     }
@@ -110,7 +110,7 @@ impl<const K: usize> Columns<K> {
         self.0.len() / K
     }
 
-    /// Range of elements from the first to the last of a row.
+    /// Range of indices that begins with the first element of a row and ends with its last one.
     #[inline(always)]
     fn span(row: usize) -> RangeInclusive<usize> {
         // Blocks of WIDEST rows; within a block the columns follow each other, so that one register holds one column

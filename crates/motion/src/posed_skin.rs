@@ -5,11 +5,11 @@ use glam::{Quat, Vec3};
 use osier_base::math::{lerp, nlerp, smoothstep};
 use osier_scene::plant::{Axis, NONE, Plant, Site};
 
-/// Reach of the shift by which a branch follows its parent where that is thinner than at rest, in multiples of the length of
-/// branch within the parent. Up to the first multiple arc lengths shrink in proportion to the parent's radius, so that the
-/// slanted rings of the collar keep their slant; from there to the second multiple the shift decreases to 0.
+/// Range of the shift by which a branch moves into a parent that is thinner than at rest, in multiples of the length of branch
+/// within the parent. Up to the first multiple arc lengths shrink in proportion to the parent's radius, so that the slanted rings
+/// of the collar keep their slant; from there to the second multiple the shift decreases to 0.
 const JUNCTION_REACH: [f32; 2] = [2.0, 5.0];
-/// Greatest fraction of a branch within its parent at which the branch is shifted; one with more has no collar and stays.
+/// Greatest fraction of its length that a branch may have within its parent to be shifted; a branch with a greater one has no collar.
 const MOST_INSIDE: f32 = 0.9;
 
 /// A point of the skin or an organ, bound to the skeleton.
@@ -41,7 +41,8 @@ pub struct PosedSkin {
     pub normals: Vec<Vec3>,
 }
 
-/// The skin of a plant in a pose. `points`, `normals`: at rest, one normal for each point or none; `bindings`: of the points.
+/// The skin of a plant in a pose. `points`, `normals`: the skin at rest, with one normal per point or none at all; `bindings`:
+/// one per point.
 pub fn pose_skin(
     plant: &Plant,
     pose: PosedNodes<'_>,
@@ -64,7 +65,7 @@ pub fn pose_skin(
     skin
 }
 
-/// Site in the pose of the point of an axis at arc length `s`, m, which is measured at rest.
+/// Site, in the pose, of the point of an axis that has the arc length `s`, m, at rest.
 fn posed_site(plant: &Plant, pose: PosedNodes<'_>, axis: &Axis, s: f32) -> Site {
     let (i, t) = plant.segment(axis, s);
     Site {

@@ -33,7 +33,8 @@ use osier_scene::{Attribute, AttributeData, CANOPY_NORMAL, CANOPY_OCCLUSION, Mes
 const CELLS: f32 = 24.0;
 /// Least edge of a cell in diameters of a mean leaf, so that the cells of a small plant hold more than one leaf.
 const LEAST_CELL: f32 = 2.0;
-/// Projected area over one-sided area of leaves that face all directions alike (G function of a spherical distribution).
+/// Projected area divided by one-sided area of leaves that face all directions alike (G function of a spherical
+/// distribution).
 /// Source: Monteith and Unsworth, Principles of Environmental Physics, 2013, chapter 8.
 const PROJECTED: f32 = 0.5;
 /// Weight of light from the horizon relative to that from the zenith. Own: most light of an overcast sky comes from above.
@@ -186,7 +187,7 @@ impl CrownGrid {
                 for x in order(self.size.x, d.x) {
                     let here = IVec3::new(x, y, z);
                     let Some(i) = self.index(here) else { continue };
-                    // Half of the way is in this cell, half in the next one.
+                    // Half of the step lies in this cell, half in the next one.
                     let own = 0.5 * PROJECTED * self.density[i] * length;
                     let beyond = self.index(here + d);
                     depths[i] = own + beyond.map_or(0.0, |k| 0.5 * PROJECTED * self.density[k] * length + depths[k]);
@@ -227,7 +228,7 @@ impl CrownGrid {
             let step = IVec3::new(k & 1, k >> 1 & 1, k >> 2 & 1);
             let share = |t: f32, step: i32| if step > 0 { t } else { 1.0 - t };
             let weight = share(t.x, step.x) * share(t.y, step.y) * share(t.z, step.z);
-            // The empty cells around the crown serve the leaves at its edge; clamping guards against rounding.
+            // Leaves at the edge of the crown also read the empty cells around it; clamping guards against rounding.
             let corner = (base + step).clamp(IVec3::ZERO, self.size - IVec3::ONE);
             let Some(cell) = self.index(corner).and_then(|i| cells.get(i)) else { continue };
             light.sky += weight * cell.sky;

@@ -6,6 +6,6 @@ pub mod grow;
 pub mod season;
 pub mod surface;
 
-// Tests share the reader of tables with the examples, which know this crate by its name.
+// Tests and examples share the reader of tables; examples refer to this crate by its name.
 #[cfg(test)]
 extern crate self as osier_plants;

@@ -16,7 +16,7 @@ pub struct AirGrid {
     pub side: f64,
     /// Axis normal to a plane: 0, 1, 2 for x, y, z; `None` for a box.
     pub across: Option<usize>,
-    /// Frames from one sample to the next; the first frame of the clip has one. 0 counts as 1.
+    /// Number of frames from one sample to the next; the first frame of the clip is sampled. 0 counts as 1.
     pub every: u32,
 }
 

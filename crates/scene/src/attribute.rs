@@ -49,11 +49,11 @@ pub struct Attribute {
     pub name: &'static str,
     /// Kind of element that `data` is parallel to.
     pub domain: AttributeDomain,
-    /// As many as the domain has elements; one for [`AttributeDomain::Mesh`].
+    /// One value per element of the domain; a single value for [`AttributeDomain::Mesh`].
     pub data: AttributeData,
 }
 
-/// Linear colour of each leaf of a plant with a season, with an alpha of 1; white for what is no leaf.
+/// Linear colour of each leaf of a plant with a season, with an alpha of 1; white for other organs.
 pub const LEAF_COLOR: &str = "leaf_color";
 /// Share of the skylight that other leaves of the crown take from a leaf, 0 to 1.
 pub const CANOPY_OCCLUSION: &str = "canopy_occlusion";
@@ -195,8 +195,8 @@ impl Attribute {
         Self { name, domain: AttributeDomain::Instance, data }
     }
 
-    /// Values of a merged geometry: those of its first part, which has `before` elements, then those of its second, which has
-    /// `count`. Elements of a part without the attribute get zeros. A value for the whole geometry stays that of the first part.
+    /// Appends the attributes `other` of a geometry of `count` elements to the attributes `own` of one of `before` elements.
+    /// Elements of a part without the attribute get zeros. An attribute of the whole geometry keeps the value of the first part.
     pub fn append_all(own: &mut Vec<Self>, before: usize, other: &[Self], count: usize) {
         for attribute in other {
             let same = |a: &Self| a.name == attribute.name && a.domain == attribute.domain;

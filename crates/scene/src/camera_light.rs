@@ -124,12 +124,12 @@ pub struct Fog {
     pub visibility: f32,
     /// Linear colour, with the strength of the sky in it.
     pub color: [f32; 3],
-    /// Height at which a quarter of it is left, m; 0: the same at all heights.
+    /// Height at which a quarter of the density at y = 0 is left, m; 0: the same density at all heights.
     pub height: f32,
 }
 
 impl Fog {
-    /// Natural logarithm of a contrast over what is left of it at a distance of `visibility`: -ln 0.02.
+    /// Optical depth of `visibility` metres of haze, after which 2 % of a contrast is left: -ln 0.02.
     pub const CONTRAST: f32 = 3.912;
 
     /// Transmittance, 0 to 1, of `length` m of haze from the world point `from` along the unit vector `along`.
@@ -138,15 +138,15 @@ impl Fog {
         if self.height <= 0.0 {
             return osier_base::math::exp_f32(-rate * length);
         }
-        // Integral of the share from y = 0 to a height: the length of haze of full density that attenuates as much.
+        // Integral of the relative density from y = 0 to a height: the length of haze of full density that attenuates as much.
         let below = |y: f32| match y {
             y if y <= 0.0 => y,
             y if y.is_finite() => self.height * y / (self.height + y),
             _ => self.height,
         };
         let share = |y: f32| if y <= 0.0 { 1.0 } else { 1.0 / ((1.0 + y / self.height) * (1.0 + y / self.height)) };
-        // Along the ray the density integrates to a difference of `below` over its slope; for a nearly level ray that would be
-        // 0 / 0.
+        // The density along the ray integrates to a difference of `below` divided by the slope of the ray, which would be 0 / 0
+        // for a level ray.
         let rise = along.y * length;
         let amount = if rise.abs() < 1e-3 * self.height {
             share(from.y) * length

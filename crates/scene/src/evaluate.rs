@@ -1,4 +1,4 @@
-//! The shape of things at one frame: what every exporter and every test agrees on.
+//! Evaluates a scene at one frame: points, normals, instances and boxes. Exporters and tests use the same functions.
 
 use std::borrow::Cow;
 
@@ -51,7 +51,7 @@ pub fn skinned_points(points: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) ->
     points.iter().zip(skin.joints.iter().zip(&skin.weights)).map(blend).collect()
 }
 
-/// Normals of a mesh under its skin (rotation of the blended joints), unit length.
+/// Normals of a mesh moved by its skin, by the blended rotations of the joints; unit length.
 pub fn skinned_normals(normals: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) -> Vec<Vec3> {
     let blend = |(n, (joints, weights)): (&Vec3, (&[u16; 4], &[f32; 4]))| {
         let mut sum = Vec3::ZERO;
@@ -64,8 +64,8 @@ pub fn skinned_normals(normals: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) 
     normals.iter().zip(skin.joints.iter().zip(&skin.weights)).map(blend).collect()
 }
 
-/// Positions and rotations of all instances at a frame, in asset space: those of the frame if it has some, else those at rest,
-/// carried by the joints of the pose if the instancer is bound to joints.
+/// Positions and rotations of all instances at a frame, in asset space: the frame's own, or else the rest state, moved by the
+/// joints of the pose if the instancer is bound to joints.
 pub fn instance_states<'a>(
     asset: &Asset,
     instancer: &'a Instancer,
@@ -93,7 +93,7 @@ pub fn joint_motions(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Trs> {
     posed.iter().zip(&bind).map(motion).collect()
 }
 
-/// Rest state of instances moved by the joint of each; no velocities and no attributes.
+/// The rest state with each instance moved by its joint, without velocities and attributes.
 fn ride(instancer: &Instancer, joints: &[u16], skeleton: &Skeleton, pose: &[Trs]) -> InstanceState {
     let moved = joint_motions(skeleton, pose);
     let rest = &instancer.rest;
@@ -149,7 +149,7 @@ fn instancer_bounds(instancer: &Instancer, state: &InstanceState) -> Bounds {
 }
 
 impl Scene {
-    /// The maps of each sequence at a frame: the frame's, or those at rest.
+    /// The maps of each sequence at a frame: the frame's own, or else the maps at rest; `None` if there are neither.
     pub fn maps_at(&self, frame: Option<&Frame>) -> Vec<Option<MapFrame>> {
         let one = |(i, sequence): (usize, &MapSequence)| {
             frame.and_then(|f| f.maps.get(i)).or(sequence.rest.as_ref()).cloned()

@@ -13,19 +13,21 @@ pub struct Frame {
     pub number: u32,
     /// State of each asset, parallel to [`crate::Scene::assets`].
     pub assets: Vec<AssetFrame>,
-    /// One per table of the scene, one number per column.
+    /// A row for each table of the scene, with one number per column.
     pub rows: Vec<Vec<f64>>,
     /// Values of each field of the scene, `width * height` of them, rows from the top.
     pub fields: Vec<Vec<f32>>,
-    /// Velocities of the air, m/s, one list per grid of the scene and empty where it is not due; empty without any.
+    /// Velocities of the air, m/s, one list per grid of the scene. A list is empty at frames that do not sample its grid; all
+    /// lists may be missing.
     pub air: Vec<Vec<Vec3>>,
-    /// One per volume of the scene; empty without any.
+    /// Values of each volume of the scene; empty if there are none.
     pub volumes: Vec<VolumeFrame>,
-    /// One per map sequence of the scene, or empty.
+    /// Maps of each map sequence of the scene, or empty.
     pub maps: Vec<MapFrame>,
     /// Tables of single elements such as drops, one row each, in the order of the motions that record them.
     pub records: Vec<RecordTable>,
-    /// Single elements as points with attributes, for node systems; a table of a name has the same columns in all frames.
+    /// Tables of single elements for node systems, which read a row as a point with attributes. A table of the same name has the
+    /// same columns in all frames.
     pub point_tables: Vec<RecordTable>,
     /// States of assets at other times of the clip, by asset and phase; only those that were requested.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,

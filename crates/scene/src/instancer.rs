@@ -159,7 +159,7 @@ fn retain<T>(list: &mut Vec<T>, keep: &[bool]) {
     list.retain(|_| keep.next().copied().unwrap_or(true));
 }
 
-/// N instances of some prototypes. N counts every instance that is ever alive; a slot never changes owner.
+/// N instances of some prototypes. N counts every instance that is ever alive; each has its own slot in all lists and frames.
 #[derive(Debug, Clone)]
 pub struct Instancer {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
@@ -182,7 +182,7 @@ pub struct Instancer {
 }
 
 impl Instancer {
-    /// Number of slots: of all instances that are ever alive.
+    /// Number of slots, one for each instance that is ever alive.
     #[inline]
     pub fn len(&self) -> usize {
         self.protos.len()

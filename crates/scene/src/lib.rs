@@ -164,8 +164,8 @@ impl Scene {
         [0, 1, 2].map(|k| osier_base::math::narrow(f64::from(material.base_color[k]) * mean[k]))
     }
 
-    /// Whether each material is on some surface, point or curve of an asset at any frame, parallel to [`Scene::materials`]. A plant without
-    /// thick axes has a bark all the same, and one that lives a material of dead wood.
+    /// Whether each material is on some surface, point or curve of an asset at any frame, parallel to [`Scene::materials`]. Some
+    /// are not: every plant has a material of bark, even without thick axes, and one of dead wood, even if it lives.
     pub fn used_materials(&self) -> Vec<bool> {
         let mut used = vec![false; self.materials.len()];
         let mut mark = |id: MaterialId| {
@@ -176,7 +176,7 @@ impl Scene {
         let mark_mesh = |mesh: &Mesh, mark: &mut dyn FnMut(MaterialId)| {
             mesh.subsets.iter().for_each(|subset| mark(subset.material));
         };
-        // Plants have their meshes once more with other joints, and prototypes at other levels of detail.
+        // The rigged version of a plant has meshes and instancers of its own, and prototypes have other levels of detail.
         let rigged = || self.assets.iter().filter_map(|a| a.rigged.as_deref());
         let objects = self.assets.iter().flat_map(|a| &a.meshes).chain(rigged().flat_map(|r| &r.meshes));
         objects.for_each(|object| mark_mesh(&object.mesh, &mut mark));
@@ -192,7 +192,7 @@ impl Scene {
             asset.points.iter().for_each(|points| mark(points.material));
             asset.curves.iter().for_each(|curves| mark(curves.material));
         }
-        // A mesh that frames replace is one of water, which may have no drop at rest.
+        // A mesh that frames replace as a whole is one of water, and may be empty at rest: count water as used.
         let is_replaced = self.assets.iter().flat_map(|a| &a.meshes).any(|m| m.motion == MeshMotion::Varying);
         for (flag, material) in used.iter_mut().zip(&self.materials) {
             *flag |= is_replaced && material.class == MaterialClass::Water;

@@ -3,16 +3,16 @@
 
 use std::sync::Arc;
 
-/// What the numbers of a map are, which of them are admitted, and how files hold them from 0 to 1.
+/// Meaning and range of the numbers of a map, and how files store them as numbers from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapEncoding {
-    /// Height over the surface, m; held as a share of the sequence's range of heights, what lies below the surface as 0.
+    /// Height over the surface, m; stored as height / [`MapSequence::height_range`], 0 for a negative height.
     Height,
-    /// Thickness of a coat, m, not negative; held as a share of the sequence's range of heights.
+    /// Thickness of a coat, m, not negative; stored as thickness / [`MapSequence::height_range`].
     Thickness,
-    /// A share or weight from 0 to 1; held as it is.
+    /// A share or weight from 0 to 1; stored unchanged.
     Unit,
-    /// Unit normals in tangent space: along u, along v, out; held as 0.5 n + 0.5.
+    /// Unit normals in tangent space: along u, along v, out of the surface; stored as 0.5 n + 0.5.
     Normal,
 }
 

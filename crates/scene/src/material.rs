@@ -66,7 +66,7 @@ pub struct Material {
     pub name: String,
     /// What it stands for, by which exporters choose their shader.
     pub class: MaterialClass,
-    /// Linear colour; multiplied with nothing: a colour map replaces it.
+    /// Linear colour. A colour map replaces it and is not multiplied with it.
     pub base_color: [f32; 3],
     /// 0 mirror .. 1 matt; a roughness map replaces it.
     pub roughness: f32,
@@ -76,7 +76,7 @@ pub struct Material {
     pub translucency: f32,
     /// Whether back faces are rendered; front faces are counter-clockwise.
     pub double_sided: bool,
-    /// Cut out where the colour map's alpha is below this.
+    /// The surface is cut out where the alpha of the colour map is below this; `None`: nowhere.
     pub alpha_cutoff: Option<f32>,
     /// Height difference between map values 0 and 1, m.
     pub height_range: f32,

@@ -96,15 +96,16 @@ impl Mesh {
         }
     }
 
-    /// Whether no triangle of each point has an area while the points of the mesh are at `points`: such a point is not seen.
+    /// For each point, true if all its triangles have no area when the points of the mesh are at `points`, so that the point is
+    /// not visible.
     pub fn unseen_points(&self, points: &[Vec3]) -> Vec<bool> {
-        /// Width of a triangle whose corners are on one line except for rounding, as a share of their distance from the origin.
+        /// Largest width of a triangle whose corners are collinear but for rounding, as a share of their distance from the origin.
         const ROUNDING: f32 = 1e-6;
         let mut unseen = vec![true; points.len()];
         for t in &self.triangles {
             let [a, b, c] = t.map(|i| i as usize);
             let (Some(pa), Some(pb), Some(pc)) = (points.get(a), points.get(b), points.get(c)) else { continue };
-            // Twice the area over the longest edge is the width; all squared, to save roots.
+            // The width is twice the area divided by the longest edge; both sides are squared, to save roots.
             let (ab, ac, bc) = (*pb - *pa, *pc - *pa, *pc - *pb);
             let longest = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
             if ab.cross(ac).length_squared() > ROUNDING * ROUNDING * pa.length_squared() * longest {
@@ -137,7 +138,7 @@ pub enum MeshMotion {
     Still,
     /// By its skin and the asset's skeleton; frames carry poses only.
     Skinned,
-    /// Frames carry new points of the same topology. A skin in addition approximates them, for formats without vertex caches.
+    /// Frames carry new points of the same topology. A skin, if there is one, approximates the motion for formats without vertex caches.
     Deforming,
     /// Frames carry whole meshes, whose numbers of points and triangles change.
     Varying,

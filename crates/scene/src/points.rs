@@ -52,7 +52,7 @@ pub struct PointsNow<'a> {
     pub positions: &'a [Vec3],
     /// Diameters, m; 0 hides.
     pub widths: &'a [f32],
-    /// m/s, one per point, or empty.
+    /// Velocities in asset space, m/s, one per point, or empty.
     pub velocities: &'a [Vec3],
     /// Linear RGB, one per point, or empty.
     pub colors: &'a [[f32; 3]],

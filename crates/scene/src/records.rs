@@ -30,7 +30,7 @@ pub struct RecordColumn {
     pub name: &'static str,
     /// SI unit as files spell it (`m^3`, `m/s`); empty for pure numbers.
     pub unit: &'static str,
-    /// As many as the table has records.
+    /// One value per record of the table.
     pub values: ColumnValues,
 }
 

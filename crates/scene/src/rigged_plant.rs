@@ -38,6 +38,6 @@ pub struct JointBranch {
     /// Branching order of that axis: 0 for the trunk, equal for both halves of an apical fork.
     pub order: u8,
     /// Angle by which the joint turns under a dynamic pressure of 1 Pa on everything that it and the branches below it carry,
-    /// rad/Pa: the slope of its beam and of the beams that it springs from.
+    /// rad/Pa: the slope of its beam plus the slopes of the beams that carry it, at the points where it is attached to them.
     pub compliance: f64,
 }

@@ -134,7 +134,7 @@ fn check_mesh(mesh: &Mesh, place: &str) -> Result<()> {
     Ok(())
 }
 
-/// Attributes of an element with `count` elements of the domain: one value for each, or one for all.
+/// Checks the attributes of a geometry that has `count` elements of `domain`: one value per element, or one for the whole.
 fn check_attributes(attributes: &[Attribute], domain: AttributeDomain, count: usize, place: &str) -> Result<()> {
     for Attribute { name, domain: own, data } in attributes {
         let due = match own {

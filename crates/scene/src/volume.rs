@@ -59,7 +59,7 @@ pub enum VolumeValues {
 pub struct VolumeFrame {
     /// Cells that have a value at this frame.
     pub cells: VolumeCells,
-    /// One for each cell, in the order of the cells.
+    /// One value for each cell, in the order of the cells.
     pub values: VolumeValues,
 }
 

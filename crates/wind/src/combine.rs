@@ -11,7 +11,7 @@ use osier_base::math::narrow;
 /// A wind with its velocities multiplied by a factor. Gusts still travel at the speed of the original wind.
 #[derive(Debug, Clone)]
 pub struct ScaledWind {
-    /// The original wind, whose period is kept.
+    /// The original wind; its period stays.
     pub wind: Arc<dyn Wind>,
     /// Factor on all velocities, means included.
     pub factor: f32,
@@ -67,7 +67,7 @@ pub struct WindSum(
 
 impl Wind for WindSum {
     fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
-        // In the order of the list, so that sums have the same bits in every run.
+        // Add in the order of the list, so that sums have the same bits in every run.
         out.fill(Vec3::ZERO);
         let mut own = vec![Vec3::ZERO; positions.len()];
         for wind in &self.0 {
@@ -106,7 +106,7 @@ impl Wind for WindSum {
     }
 }
 
-/// A wind on the clock of a simulation that started before time 0 of the wind.
+/// A wind whose time 0 is the time `lead` of a simulation that started earlier.
 /// ```
 /// use std::sync::Arc;
 ///
@@ -122,7 +122,7 @@ impl Wind for WindSum {
 /// ```
 #[derive(Debug, Clone)]
 pub struct ShiftedWind {
-    /// The wind, sampled at the simulation's time less `lead`.
+    /// The wind, sampled at the simulation's time minus `lead`.
     pub wind: Arc<dyn Wind>,
     /// Simulation time at which the wind is at its time 0, s.
     pub lead: f64,
@@ -158,11 +158,12 @@ impl Wind for ShiftedWind {
     }
 }
 
-/// A wind that repeats: the end of each period fades into what the original wind is before its beginning, as the recording of
-/// a lattice does.
+/// A wind that is made periodic: near the end of each period it cross-fades into the original wind before time 0, as a
+/// [`RecordedWind`](super::RecordedWind) does in a loop.
 #[derive(Debug, Clone)]
 pub struct LoopedWind {
-    /// The original wind, of which the time from 0 to `period` is used, and the seconds before.
+    /// The original wind. It is sampled from time 0 to `period`, and for the cross-fade in the last seconds before time
+    /// 0.
     pub wind: Arc<dyn Wind>,
     /// Time after which it repeats, s, > 0.
     pub period: f64,

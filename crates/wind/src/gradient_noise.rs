@@ -1,7 +1,7 @@
 //! Perlin gradient noise in one dimension for winds, which call it millions of times: gradients from an integer hash, without
 //! trigonometry. [`super::noise_block`] has two and three dimensions.
 
-/// Period, in cells, of noise that need not repeat.
+/// Period, in cells, of noise that does not have to repeat.
 pub(super) const ENDLESS: i32 = 1 << 20;
 
 /// Smooth noise of time, in [-1, 1], with a mean of 0.

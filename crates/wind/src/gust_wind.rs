@@ -20,9 +20,10 @@ pub struct GustWindOptions {
     pub direction: Vec3,
     /// Mean speed at 10 m, m/s, 0..60.
     pub speed: f64,
-    /// Amplitude of gusts over the mean, 0..1; 0.3 to 0.5 is natural.
+    /// Amplitude of gusts as a fraction of the mean speed, 0..1; 0.3 to 0.5 is natural.
     pub gust: f32,
-    /// Turbulence intensity: root mean square of the eddy velocity over the mean, 0..1; 0.15 to 0.25 is natural.
+    /// Turbulence intensity: root mean square of the eddy velocity divided by the mean speed, 0..1; 0.15 to 0.25 is
+    /// natural.
     pub turbulence: f32,
     /// Length of gusts along the wind, m, 2..200.
     pub gust_length: f64,
@@ -109,10 +110,10 @@ pub struct GustWind {
     across: Vec3,
     gusts: AdvectedNoise,
     eddies: AdvectedNoise,
-    /// Cells of the direction's noise in a period.
+    /// Cells of the direction's noise per period.
     wander_cells: i32,
     wander_seed: u32,
-    /// Share of the mean speed at heights 0.25 m apart, from 0 m on.
+    /// Mean speed at heights 0.25 m apart, from 0 m up, divided by that at 10 m.
     profile: Vec<f32>,
 }
 
@@ -136,7 +137,7 @@ impl GustWind {
         }
     }
 
-    /// Share of the mean speed at height `y`, m: the tabulated power law, linearly interpolated.
+    /// Mean speed at height `y`, m, divided by that at 10 m: the tabulated power law, linearly interpolated.
     fn height_factor(&self, y: f32) -> f32 {
         // Four samples per metre.
         let x = y.max(0.5) * 4.0;
@@ -214,7 +215,8 @@ impl GustWind {
         coordinates[2].set(&in_cells(&z, e.length), ENDLESS);
         noise3(e.seed, [&coordinates[0], &coordinates[1], &coordinates[2]], &mut eddies);
         for (i, (u, p)) in out.iter_mut().zip(positions).enumerate() {
-            // Over its root mean square the noise has unit variance, so that `turbulence` is the turbulence intensity.
+            // Divided by its root mean square the noise has unit variance, so that `turbulence` is the turbulence
+            // intensity.
             let eddy = [eddies[0][i], eddies[1][i], eddies[2][i]]
                 .map(|n| o.turbulence * (n / NOISE3_RMS).clamp(-MAX_EDDY, MAX_EDDY));
             let streamwise = (1.0 + o.gust * gusts[i]).max(0.0) + eddy[0];

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use super::Wind;
 use osier_scene::solid::LandForm;
 
-/// Positions that are moved at a time: their copies stay in the L1 cache.
+/// Number of positions that are converted at a time: their copies stay in the L1 cache.
 const BLOCK: usize = 256;
 
 /// A wind over level ground, applied to terrain: its velocity at a point is that of the original wind at the point's height above
@@ -17,7 +17,7 @@ const BLOCK: usize = 256;
 pub struct WindOverLand {
     /// The wind over the plane y = 0.
     pub wind: Arc<dyn Wind>,
-    /// Land whose height is subtracted from that of each position.
+    /// Terrain whose height is subtracted from that of each position.
     pub land: Arc<LandForm>,
 }
 

@@ -53,12 +53,12 @@ pub trait Wind: Debug + Send + Sync {
     /// Mean velocity at 10 m above the ground, m/s.
     fn mean(&self) -> Vec3;
 
-    /// Mean velocity at a position, m, in m/s; where speed or direction are prescribed over time, the largest speed in the
-    /// direction at t = 0.
+    /// Mean velocity at a position, m, in m/s. Where the scene prescribes speed or direction over time: the largest
+    /// speed, in the direction at t = 0.
     fn mean_at(&self, position: Vec3) -> Vec3;
 
-    /// Mean velocity, m/s, at a position, m, that the scene prescribes for the time `t`, s: that of [`Wind::mean_at`], unless
-    /// speed or direction are prescribed over time. Nothing is averaged around `t`.
+    /// Mean velocity, m/s, at a position, m, that the scene prescribes for the time `t`, s. It equals [`Wind::mean_at`]
+    /// unless speed or direction are prescribed over time. It is not an average over a time around `t`.
     fn mean_at_time(&self, position: Vec3, _t: f64) -> Vec3 {
         self.mean_at(position)
     }
@@ -68,9 +68,9 @@ pub trait Wind: Debug + Send + Sync {
         false
     }
 
-    /// The mean velocity at 10 m, m/s, that the scene prescribes for the time `t`, s: that of [`Wind::mean`], unless speed or
-    /// direction are prescribed over time. It is never 0 in a wind that blows at other times, so that it always has a direction.
-    /// Nothing is averaged around `t`.
+    /// Mean velocity at 10 m, m/s, that the scene prescribes for the time `t`, s. It equals [`Wind::mean`] unless speed
+    /// or direction are prescribed over time. It is never 0 in a wind that blows at other times, so that it always has
+    /// a direction. It is not an average over a time around `t`.
     fn prescribed_mean_at_time(&self, _t: f64) -> Vec3 {
         self.mean()
     }
@@ -116,7 +116,7 @@ pub fn beaufort_speed(number: f64) -> f64 {
     0.836 * osier_base::math::pow(number.max(0.0), 1.5)
 }
 
-/// Power-law wind profile: speed at a height above the ground, m, over the speed at 10 m.
+/// Power-law wind profile: speed at a height above the ground, m, divided by the speed at 10 m.
 fn power_law(height: f32, power: f32) -> f32 {
     osier_base::math::pow_f32(height.max(tuning::MIN_PROFILE_HEIGHT) / 10.0, power)
 }

@@ -1,4 +1,4 @@
-//! The wind of [zhao-zhang] 3.1: a sine with noise on it.
+//! The wind of [zhao-zhang] 3.1: a sine plus noise.
 
 use std::f64::consts::TAU;
 
@@ -22,19 +22,19 @@ const PRINTED_NOISE_INTERVAL: f64 = 30.0;
 /// Sine, noise, height profile and period of a [`SineWind`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SineWindOptions {
-    /// Horizontal unit vector that it blows towards.
+    /// Horizontal unit vector that the wind blows towards.
     pub direction: Vec3,
     /// Mean speed V0 at 10 m, m/s.
     pub speed: f64,
-    /// Amplitude of the sine over the mean speed; the printed equation ignores it.
+    /// Amplitude of the sine divided by the mean speed; the printed equation ignores it.
     pub gust: f32,
     /// Exponent of the power-law height profile; the printed equation ignores it.
     pub power: f32,
     /// Evaluate the equation as printed: the same speed everywhere, a sine of amplitude V0, noise that is never negative.
     pub literal: bool,
-    /// Time after which it repeats, s; none for a wind that does not repeat.
+    /// Time after which the wind repeats, s; none for a wind that does not repeat.
     pub period: Option<f64>,
-    /// Seed of its value and gradient noise.
+    /// Seed of the value noise and the gradient noise.
     pub seed: u64,
 }
 
@@ -91,7 +91,7 @@ impl SineWind {
         if o.literal {
             return self.printed_speed(t);
         }
-        // Noise of zero mean, and never a wind against the mean direction.
+        // The noise has zero mean; the speed is clamped so that the wind never blows against the mean direction.
         let wave = f64::from(o.gust) * math::sin(TAU * t / self.sine_period);
         (o.speed * (1.0 + wave + f64::from(SINE_NOISE_STRENGTH * self.gradient_noise(t)))).max(0.0)
     }
@@ -112,7 +112,8 @@ impl SineWind {
         let noise = |seed: u32, x: f64, cells: i32| {
             let lattice_value = |k: f64| {
                 let cell = k.rem_euclid(f64::from(cells));
-                // In the middle of a cell gradient noise is the difference of two random gradients: one value per cell.
+                // Evaluated in the middle of cells, where gradient noise is the difference of two random gradients: one
+                // value per cell.
                 (0.5 + 0.5 * noise1(seed, NoiseCoordinate::new(cell + 0.5, ENDLESS), ENDLESS)).clamp(0.0, 1.0)
             };
             let k = x.floor();

@@ -4,14 +4,16 @@
 /// Lower: plants of a few decimetres hardly move.
 pub(super) const MIN_PROFILE_HEIGHT: f32 = 0.5;
 
-/// Largest eddy, in root mean squares of the noise. Higher: rare single jerks; lower: turbulence loses its peaks.
+/// Largest eddy velocity divided by the root mean square of the noise. Higher: rare single jerks; lower: turbulence
+/// loses its peaks.
 pub(super) const MAX_EDDY: f32 = 2.5;
-/// Vertical eddy velocity over the one along the wind. Near the ground of the atmosphere the standard deviations of the
-/// components along, across and up are about as 1 : 0.8 : 0.5.
+/// Vertical eddy velocity divided by that along the wind. Near the ground of the atmosphere the standard deviations of
+/// the components along, across and up are about as 1 : 0.8 : 0.5.
 pub(super) const VERTICAL_EDDY: f32 = 0.5;
-/// Eddy velocity across the wind over the one along it, as [`VERTICAL_EDDY`].
+/// Eddy velocity across the wind divided by that along it, as [`VERTICAL_EDDY`].
 pub(super) const LATERAL_EDDY: f32 = 0.7;
-/// Width of a gust over its length. Smaller: neighbouring plants sway out of step; larger: gusts are endless fronts.
+/// Width of a gust divided by its length. Smaller: neighbouring plants sway out of step; larger: gusts are endless
+/// fronts.
 pub(super) const GUST_WIDTH: f64 = 2.0;
 /// Correlation time of the wind's direction, s. Shorter: the direction flutters; longer: it seems constant in a clip.
 pub(super) const WANDER_TIME: f64 = 12.0;
@@ -20,9 +22,11 @@ pub(super) const MIN_CELLS_PER_PERIOD: f64 = 4.0;
 
 /// Frequency of the first octave of the sine wind's noise, Hz. Higher: leaves tremble; lower: the sine alone is seen.
 pub(super) const SINE_NOISE_FREQUENCY: f64 = 2.0;
-/// Amplitude of the sine wind's noise over its mean speed; the noise that [zhao-zhang] prints has 4 m/s whatever the mean.
+/// Amplitude of the sine wind's noise divided by its mean speed; the noise that [zhao-zhang] prints has 4 m/s whatever
+/// the mean.
 pub(super) const SINE_NOISE_STRENGTH: f32 = 0.4;
-/// Octaves of the sine wind's noise, each with half the amplitude of the one before. More: nothing that a plant follows.
+/// Octaves of the sine wind's noise, each with half the amplitude of the one before. More: no visible effect on a
+/// plant.
 pub(super) const SINE_NOISE_OCTAVES: u32 = 3;
 /// Least speed, m/s, at which the waves of the sine wind travel; below it the delay between two plants grows without bound.
 pub(super) const MIN_TRAVEL_SPEED: f64 = 0.5;

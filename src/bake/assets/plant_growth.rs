@@ -217,11 +217,17 @@ pub fn derived_string_text(
     turtle::derive_text(grammar, &derive_options(recipe, individual), &turtle, context.limits)
 }
 
+/// The number of steps that are derived, of the last of which a part may be drawn.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the key ends at a million steps")]
+fn whole_steps(steps: f64) -> u32 {
+    steps.ceil() as u32
+}
+
 fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOptions {
     DeriveOptions {
         seed: individual.seed,
         plant_id: individual.id,
-        steps: recipe.keys.steps,
+        steps: recipe.keys.steps.map(whole_steps),
         stochastic: recipe.keys.stochastic,
         draw_as_cpfg: recipe.keys.rng == GrammarRandom::Cpfg,
     }
@@ -282,6 +288,7 @@ fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptio
         axis_material: BARK,
         shoot_material: Some(SHOOT),
         shoot_radius: f64::from(SHOOT_RADIUS),
+        step_part: recipe.keys.steps.map(f64::fract).filter(|part| *part > 0.0),
         source: recipe.source.clone(),
         ..defaults
     })

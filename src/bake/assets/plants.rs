@@ -184,7 +184,7 @@ fn growth_solids(recipe: &Recipe, terrain: Option<&Terrain>) -> Result<Vec<Solid
     let solid =
         |s: &SolidRecipe| Ok(Solid { name: s.keys.name.clone(), form: solid_form(s)?, humidity: s.keys.humidity });
     let mut solids = recipe.solids.iter().map(solid).collect::<Result<Vec<Solid>>>()?;
-    // The terrain is the ground in which such plants stand; no solid of a scene is without a name.
+    // The solid of the terrain has an empty name, which no solid of a scene can have.
     let land = terrain.and_then(shown_terrain_solid).map(|land| Form::Land(Arc::new(land)));
     solids.extend(land.map(|form| Solid { name: String::new(), form, humidity: 0.0 }));
     Ok(solids)

@@ -106,8 +106,8 @@ fn generate_terrain(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
     })
 }
 
-/// A terrain as its mesh shows it, as a solid on which seeds come to rest, trees grow and wind blows: the heights at intervals of
-/// its stride, cells divided as in the mesh. Of an artist's mesh the samples. `None` if the grid cannot form a surface.
+/// The terrain as a solid for seeds, trees, wind and rain, with the surface of its mesh: every `stride`-th height, cells divided as in
+/// the mesh; of an imported mesh its height samples. `None` if the grid forms no surface.
 pub(crate) fn shown_terrain_solid(terrain: &Terrain) -> Option<LandForm> {
     let stride = terrain.stride.max(1);
     let counts = terrain.counts.map(|n| (n - 1) / stride + 1);

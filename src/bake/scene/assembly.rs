@@ -51,7 +51,7 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
-    /// Those of a bake and of its estimate.
+    /// Options of a bake and of its estimate.
     pub const BAKE: Self = Self { ground: true, unused_textures: false };
     /// Those of a still file of the plants alone.
     pub const WITHOUT_GROUND: Self = Self { ground: false, unused_textures: true };

@@ -96,6 +96,6 @@ fn check_numbered_pictures(context: &Context, args: &Preview, flags: &PreviewFla
 fn numbered_pictures(context: &Context, args: &Preview) -> Option<String> {
     let path = args.output.as_deref().filter(|path| ending(path) == "png")?;
     let name = path.file_name()?.to_str().filter(|name| numbered(name, 0).is_some())?;
-    // The folder in memory of a dry run has portable names only.
+    // A dry run writes to a folder in memory, which accepts portable file names only.
     Some(if context.common.dry_run { "preview_####.png".to_owned() } else { name.to_owned() })
 }

@@ -39,7 +39,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
         context.console.complain("standard output is a terminal; redirect the picture: -o - > x.png");
         return Ok(2);
     }
-    // A picture may take minutes.
+    // Whether the picture can be written is checked first, since rendering may take minutes.
     if !context.common.dry_run && !is_to_pipe(args) {
         match &args.output {
             Some(output) => check_output(context, output, args.force)?,

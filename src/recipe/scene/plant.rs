@@ -104,8 +104,9 @@ keys! {
         /// File of particle-shapes that adds twigs and leaves to the axes that bear none; of its level 0 only spacing, base and
         /// angle count.
         twigs: Option<Reference> = "twigs" FileReference(".shapes");
-        /// Number of derivation steps.
-        steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "that of the grammar"), basic;
+        /// Number of derivation steps; of a fraction the last step is drawn in part, so that the plant grows from step to step without
+        /// jumps.
+        steps: Option<f64> = "steps" OptionalKey(number(1.0, 0.0, 1e6, ""), "that of the grammar"), basic;
         /// Values that replace `#define`s of the grammar.
         set: Vec<(String, f64)> = "set" NamedNumbers;
         /// Added to the scene's seed for this plant.

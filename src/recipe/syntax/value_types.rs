@@ -100,7 +100,7 @@ pub const fn cubic_millimetres(default: f64, min: f64, max: f64) -> NumberType {
 
 /// A number written in millimetres of rain per hour and read as m/s: cubic metres of water per square metre and second.
 pub const fn rain_rate(default: f64, min: f64, max: f64) -> NumberType {
-    let unit = Unit { symbol: "mm/h", factor: 1.0, divisor: units::MILLIMETRES_PER_HOUR, hashed_as_written: true };
+    let unit = Unit { symbol: "mm/h", factor: 1.0, divisor: units::M_PER_S_TO_MM_PER_H, hashed_as_written: true };
     converted(default, min, max, unit)
 }
 
@@ -771,7 +771,7 @@ impl<K: ValueType> ValueType for OptionalKey<K> {
         self.0.read(name, node).map(Some)
     }
     fn listing(&self) -> KeyListing {
-        // The listing is that of the type, except for the default.
+        // An optional key has no default value; its text says what happens without it.
         let listing = self.0.listing();
         let form = ValueForm { default: Value::Null, ..listing.form };
         KeyListing { default: self.1.to_owned(), form, ..listing }

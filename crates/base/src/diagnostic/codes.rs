@@ -1,4 +1,4 @@
-//! Every stable code with its severity and one line; `docs/codes.md` is held equal to it by a test.
+//! Every stable code with its severity and a summary of one line. A test holds `docs/codes.md` equal to the table.
 
 use super::Severity::{self, Error, Warning};
 
@@ -17,7 +17,8 @@ const fn row(code: &'static str, severity: Severity, summary: &'static str) -> C
     Code { code, severity, summary }
 }
 
-/// All codes, sorted: I coefficient tables, L grammars, P pictures, S scenes, X files in and out.
+/// All codes, in alphabetical order. The letter names the area: I coefficient tables of IFS, L grammars, P pictures, S scenes,
+/// X files that are read or written.
 pub const CODES: &[Code] = &[
     row("I001", Error, "unknown system; the most similar name is suggested"),
     row("I002", Warning, "the name of the file does not match its content"),
@@ -107,6 +108,7 @@ pub const CODES: &[Code] = &[
     row("L060", Warning, "beyond a limit of Fractint, whose own reading ends there"),
     row("L061", Error, "the file of another program cannot be read; the message says why"),
     row("L062", Warning, "two L-systems of one name in a file of Fractint"),
+    row("L063", Error, "a part of a step of this grammar cannot be drawn"),
     row("P001", Error, "the source contains nothing visible"),
     row("P002", Error, "the position or direction of the camera is not finite"),
     row("P003", Error, "the picture cannot be encoded"),

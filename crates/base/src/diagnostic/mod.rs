@@ -56,7 +56,8 @@ impl Diagnostic {
         Self::new(Severity::Warning, code, message.into(), span, label.into())
     }
 
-    /// A diagnostic about a whole file or something without lines, which the message names; severity as the code has it.
+    /// A diagnostic without a place: about a whole file or something without lines, which the message must name. The severity is
+    /// that of the code.
     pub fn about(code: &'static str, message: impl Into<String>) -> Self {
         let severity = codes::find(code).map_or(Severity::Error, |c| c.severity);
         Self { severity, code, message: message.into(), labels: Vec::new(), help: None, fix: None }
@@ -129,7 +130,7 @@ impl Report {
     /// Adds all of another report. Sources with equal name and text become one, so that equal diagnostics of several plants of
     /// one grammar are reported once.
     pub fn extend(&mut self, other: Self) {
-        // Individuals of one grammar often print the same.
+        // Plants grown from one grammar often print the same lines, which are kept once.
         if !has_lines(&self.output, &other.output) {
             self.output.push_str(&other.output);
         }
@@ -165,10 +166,10 @@ fn has_lines(text: &str, lines: &str) -> bool {
     lines.is_empty() || text.match_indices(lines).any(|(at, _)| begins(at) && ends(at + lines.len()))
 }
 
-/// The nearest of `known` to `word` within edit distance 2 (1 for words of two or three letters, 0 for single ones), the first of
-/// equals; for "did you mean". A name that differs only in case is at distance 0.
+/// The name in `known` nearest to `word` within edit distance 2 (1 for words of two or three letters, 0 for one letter), for
+/// "did you mean"; of several at the same distance the first. A name that differs only in case is at distance 0.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Every letter is one edit away from every other.
+    // Any letter becomes any other by one edit, so that short words allow fewer edits.
     let limit = match word.chars().count() {
         0 | 1 => 0,
         2 | 3 => 1,

@@ -7,10 +7,11 @@ use serde_json::{Value, json};
 
 use super::{Diagnostic, Report, Severity, Sources, Span};
 
-/// Number of diagnostics rendered; the rest is counted.
+/// Largest number of diagnostics that are rendered; of the others only the number is printed.
 const MAX_RENDERED: usize = 20;
 
-/// Lines kept around a place, so that a huge file costs no more than a small one.
+/// Lines quoted before and after a place. No other lines are given to the renderer, so that a huge file costs no more than a
+/// small one.
 const CONTEXT_LINES: usize = 2;
 
 /// Longest line that is quoted in full, bytes.
@@ -81,14 +82,14 @@ pub fn render_json(report: &Report) -> Value {
     report.diagnostics.iter().map(one).collect()
 }
 
-/// The lines of a source around some spans, or what is printed of a long one, without control characters.
+/// The lines of a source around some spans, or a part of a line that is too long to quote; without control characters.
 struct Excerpt {
     text: String,
     /// First byte of the excerpt in the source.
     start: usize,
-    /// Number of its first line, from 1.
+    /// Number in the source of the excerpt's first line, from 1.
     line: usize,
-    /// Bytes in front of the text that the source does not hold, where a line is cut.
+    /// Length of [`LEFT_OUT`] if `text` begins with it, because the line is cut there; else 0.
     prefix: usize,
 }
 
@@ -182,7 +183,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
     // The first label is the cause and gets the primary caret; all others are context.
     for (name, spans, window) in &windows {
         let mut snippet = Snippet::source(window.text.as_str()).line_start(window.line);
-        // In a line that is cut the renderer would count columns from the cut: line and column are given explicitly.
+        // The renderer would count the columns of a cut line from the cut: give it line and column explicitly.
         match spans.first().filter(|_| window.prefix > 0) {
             Some(span) => {
                 let at = sources.position(*span);
@@ -240,8 +241,8 @@ fn visible_lines(text: &str) -> String {
     text.split('\n').map(visible).collect::<Vec<_>>().join("\n")
 }
 
-/// Like [`visible`], but keeps every byte offset: hidden characters become the same number of question marks, and a lone CR between two
-/// lines becomes LF, at which alone the renderer ends a line.
+/// Like [`visible`], but keeps every byte offset: a hidden character becomes as many question marks as it has bytes, and a lone
+/// CR between two lines becomes LF, since the renderer ends lines only at LF.
 fn masked(text: &str) -> String {
     let bytes = text.as_bytes();
     let is_masked = |c: char| is_hidden(c) && !matches!(c, '\n' | '\t' | '\r');

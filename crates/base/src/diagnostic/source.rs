@@ -11,7 +11,7 @@ pub struct SourceId(pub u32);
 /// Bytes `start..end` of one source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
-    /// Text of the bytes; [`Span::to`] never joins spans of two texts.
+    /// The source that holds the bytes; [`Span::to`] never joins spans of two sources.
     pub source: SourceId,
     /// Offset of the first byte in the UTF-8 text.
     pub start: u32,

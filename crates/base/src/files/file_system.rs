@@ -11,35 +11,35 @@ use std::time::Duration;
 pub trait Disk: Debug + Send + Sync {
     /// Makes a folder and its missing parents; an existing folder is no error.
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn make_dir(&self, path: &Path) -> io::Result<()> {
         fs::create_dir_all(path)
     }
 
-    /// Makes a file, readable and writable; an existing name, of a link too, is an error.
+    /// Makes a file, readable and writable. A name that exists, even as a symbolic link, is an error.
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn create_new(&self, path: &Path) -> io::Result<File> {
         OpenOptions::new().read(true).write(true).create_new(true).open(path)
     }
 
     /// Writes a leading part of the bytes and returns its length; 0 means that the disk accepts no more.
     /// # Errors
-    /// What the system says; then nothing was written.
+    /// The error of the system call; then nothing was written.
     fn write(&self, file: &mut File, bytes: &[u8]) -> io::Result<usize> {
         file.write(bytes)
     }
 
     /// Waits until the contents and metadata of the file are on the storage device (`fsync`).
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn sync(&self, file: &File) -> io::Result<()> {
         file.sync_all()
     }
 
     /// Appends one line to a file, which is made if absent, and waits until it is on the storage device.
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn append(&self, path: &Path, line: &[u8]) -> io::Result<()> {
         let mut file = OpenOptions::new().append(true).create(true).open(path)?;
         file.write_all(line)?;
@@ -48,28 +48,28 @@ pub trait Disk: Debug + Send + Sync {
 
     /// Renames a file within a file system, replacing a file of the new name.
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         fs::rename(from, to)
     }
 
-    /// Removes a file; of a symbolic link the link, not its target.
+    /// Removes a file. A symbolic link itself is removed, not its target.
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn remove(&self, path: &Path) -> io::Result<()> {
         fs::remove_file(path)
     }
 
     /// Removes a folder; one that is not empty is an error.
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn remove_dir(&self, path: &Path) -> io::Result<()> {
         fs::remove_dir(path)
     }
 
     /// Waits until the directory entries of a folder are on the storage device; does nothing outside Unix.
     /// # Errors
-    /// What the system says.
+    /// The error of the system call.
     fn sync_dir(&self, path: &Path) -> io::Result<()> {
         if cfg!(unix) {
             #[allow(clippy::disallowed_methods, reason = "a folder, opened to be synced")]

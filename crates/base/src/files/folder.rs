@@ -35,15 +35,14 @@ pub struct FileRecord {
 /// Options of an output folder: what its files depend on, and what may be overwritten.
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
-    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept; with an empty
-    /// key, which says nothing of the bytes, every file is written, and files of earlier runs are removed as those of another key
-    /// are.
+    /// Everything that the bytes of the files depend on: scene hash, version, options. Files finished under an equal key are kept.
+    /// An empty key identifies no bytes: every file is written, and files of earlier runs are removed like files of another key.
     pub key: String,
     /// Overwrite files that osier did not write, instead of ending with [`Error::Foreign`].
     pub force: bool,
     /// Polled while files are written; a request ends the bake.
     pub cancel: Cancel,
-    /// The file system that is written to; by default that of the machine.
+    /// The file system that is written to; by default that of the operating system.
     pub disk: Arc<dyn Disk>,
 }
 
@@ -171,7 +170,7 @@ impl Folder {
     /// # Errors
     /// As [`Folder::create`].
     pub(super) fn begin_file(&self, path: &str, kind: &'static str, frame: Option<u32>) -> Result<Option<FileRecord>> {
-        // In the user's own folder, a name typed on the command line may hold what portable names do not.
+        // In the user's own folder, a name typed on the command line may have characters that portable names must not have.
         let typed = self.shared.kind_of_folder == FolderKind::Plain
             && !path.contains(['/', '\0'])
             && !matches!(path, "" | "." | "..");
@@ -184,7 +183,8 @@ impl Folder {
             return Ok(Some(record));
         }
         self.prepare_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
-        // The manifest lists a finished set: before it, files of earlier bakes are removed. Any other file withdraws it.
+        // The manifest lists a finished set: before it is written, files of earlier bakes are removed, and before any other file
+        // is written, the manifest is withdrawn.
         if path == MANIFEST {
             self.check_finished()?;
             self.remove_stale_files()?;
@@ -199,7 +199,7 @@ impl Folder {
         }
         self.withdraw_manifest(&mut state)?;
         let entries: Vec<JournalEntry> = state.journal.iter().flat_map(|j| j.entries(path)).cloned().collect();
-        // The file is read without the lock, under which other threads write.
+        // Release the lock before the file is read, so that other threads can write meanwhile.
         drop(state);
         if !self.shared.options.force && self.has_other_content(path, &entries) {
             self.state().replaced_changes.insert(path.to_owned());
@@ -207,8 +207,8 @@ impl Folder {
         Ok(Some(record))
     }
 
-    /// Checks that a file of this run may have a name, which [`Folder::create`] does too: for a file that is written after
-    /// those that it refers to, so that none of them is written in vain.
+    /// Checks that this run may write a file of a name. [`Folder::create`] checks it too, but for a file that refers to others
+    /// and is written after them, an early check avoids writing these in vain.
     /// # Errors
     /// `Foreign` if a file that osier did not write has the name; `Io`.
     pub fn check_name(&self, path: &str) -> Result<()> {
@@ -218,14 +218,14 @@ impl Folder {
         self.check_replaceable(&mut self.state(), path)
     }
 
-    /// Counts a file in the user's folder as finished if it has these bytes already, whoever wrote it, and tells whether it has.
+    /// Counts a file in the user's folder as finished and returns true if it has these bytes already, whoever wrote it.
     pub(super) fn keep_equal(&self, path: &str, kind: &'static str, bytes: &[u8]) -> bool {
         if self.shared.kind_of_folder != FolderKind::Plain {
             return false;
         }
         let Ok(file) = open_regular(&self.root().join(path), false) else { return false };
         let (length, blake3) = (bytes.len() as u64, blake3::hash(bytes));
-        // Lengths are compared first, as where the journal proves a file.
+        // Lengths are compared first: a file of another length is not read.
         let is_equal = file.metadata().is_ok_and(|m| m.len() == length) && hash(file).is_ok_and(|(h, _)| h == blake3);
         if is_equal {
             let blake3 = blake3.to_hex().to_string();
@@ -284,7 +284,7 @@ impl Folder {
         retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))
     }
 
-    /// Whether an entry is of this key. An empty key, which may be that of any other scene, has no entries of its own.
+    /// Whether an entry was written under the key of this run. False for the empty key, since entries with it may be of any scene.
     fn is_own_key(&self, entry: &JournalEntry) -> bool {
         !self.shared.options.key.is_empty() && entry.key == self.shared.key
     }
@@ -352,8 +352,8 @@ impl Folder {
         fitting.find(|e| e.blake3 == hash.to_hex().as_str())
     }
 
-    /// Whether a file has the length of one of these entries of the journal, but the content of none: an edit that keeps the length,
-    /// as of one digit. Other lengths are found without reading the file.
+    /// Whether a file has the length of one of these entries of the journal, but the content of none, as after an edit of one
+    /// digit. A file of another length is not read.
     fn has_other_content(&self, path: &str, entries: &[JournalEntry]) -> bool {
         let length = open_regular(&self.root().join(path), false).and_then(|file| file.metadata()).map(|m| m.len());
         let is_candidate = length.is_ok_and(|length| entries.iter().any(|e| e.bytes == length));
@@ -412,11 +412,11 @@ impl Folder {
         Ok(())
     }
 
-    /// Refuses to list files that a bake under another key has replaced or removed meanwhile, as both manifests would then be
-    /// wrong of some files. The check of the manifest reports files that someone else removed.
+    /// Error if a bake under another key has replaced or removed files of this run meanwhile, since both manifests would then
+    /// list wrong files. Files that someone else removed are reported when a bake is checked against its manifest.
     fn check_finished(&self) -> Result<()> {
         let mut state = self.state();
-        // As it is on disk: another bake adds its lines, and at its end takes out those of this one.
+        // Read the journal again: another bake adds its lines to the file, and removes those of this bake when it ends.
         let journal = Journal::open(self.disk(), self.root()).ok();
         let is_replaced = |record: &&FileRecord| {
             let entry = self.entry(record);
@@ -436,7 +436,7 @@ impl Folder {
         let Some(replaced) = state.finished.values().find(is_replaced).map(|record| record.path.clone()) else {
             return Ok(());
         };
-        // The manifest may be that of the other bake.
+        // The manifest on disk may be that of the other bake: withdraw it as well.
         state.manifest_withdrawn = false;
         self.withdraw_manifest(&mut state)?;
         let why = "another bake into this folder replaced or removed it; run again";
@@ -489,7 +489,7 @@ impl Folder {
         let used = |folder: &String| state.finished.keys().any(|p| p.starts_with(&format!("{folder}/")));
         // In reverse order a folder comes after those inside it, so that an empty tree disappears whole.
         for folder in journal.folders().iter().rev().filter(|f| !used(f) && self.is_own_folder(f)) {
-            // Fails, as it should, if something is in it.
+            // A folder that is not empty is not removed: the call fails, and the error is ignored.
             let _ = self.disk().remove_dir(&self.root().join(folder));
         }
         self.sync_folders(&state)

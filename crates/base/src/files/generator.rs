@@ -1,4 +1,4 @@
-//! The generator's name inside a file: how a file of osier's is recognised without a journal.
+//! Recognises files that osier wrote by the generator's name inside the file, for folders without a journal.
 
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
@@ -25,7 +25,8 @@ pub(super) fn names_osier(path: &Path) -> bool {
     file.seek(from).is_ok() && file.take(WINDOW).read_to_end(&mut tail).is_ok() && names_osier_in(&tail)
 }
 
-/// True if the bytes contain `osier` and a version, or are a USD crate file (whose texts are compressed) with the word.
+/// True if `osier` occurs in the bytes before a version or as the value of `generator`, or anywhere in a USD crate file, whose
+/// texts are compressed.
 fn names_osier_in(bytes: &[u8]) -> bool {
     const WORD: &[u8] = b"osier";
     let is_maker = |i: usize| {

@@ -40,8 +40,8 @@ pub fn list_files(root: &Path) -> Result<Vec<String>> {
     Ok(found)
 }
 
-/// Succeeds if a folder can be made or written at `root`, of which nothing need exist; makes nothing. It is for work that takes long
-/// before it writes, which may still fail then.
+/// Checks that the folder `root` can be written, or made if it does not exist; makes nothing. For work that computes long before
+/// it writes; writing may still fail after a successful check.
 /// # Errors
 /// `Io` if a part of the path is a file, or if the system forbids this process to write there; its message names that file or folder.
 /// # Examples
@@ -67,7 +67,7 @@ pub fn check_writable(root: &Path) -> Result<()> {
     {
         use rustix::fs::{Access, access};
         use rustix::io::Errno;
-        // Other errors are left to the write itself, which may succeed where the question has no answer.
+        // Other errors of `access` are ignored: writing may succeed nevertheless, and reports its own errors.
         match access(nearest.as_path(), Access::WRITE_OK | Access::EXEC_OK) {
             Err(Errno::ACCESS) => {
                 return Err(failed(io::ErrorKind::PermissionDenied, "you have no permission to write in"));

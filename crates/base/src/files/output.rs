@@ -56,8 +56,8 @@ impl Folder {
         Output::on_disk(self.clone(), record).map(Some)
     }
 
-    /// Writes a file from bytes in memory, without a frame number; a file that is already finished is kept, and in a plain folder a file
-    /// of another origin that has these bytes.
+    /// Writes a file from bytes in memory, without a frame number. A file that is already finished is kept; in a plain folder so
+    /// is any file with these bytes, whoever wrote it.
     /// # Errors
     /// As [`Folder::create`].
     pub fn write(&self, path: &str, kind: &'static str, bytes: &[u8]) -> Result<()> {
@@ -67,7 +67,7 @@ impl Folder {
                 out.commit()
             }
             Ok(None) => Ok(()),
-            // Nothing would be lost: the text of a string or of a grammar cannot name its maker.
+            // A text such as a grammar cannot name its maker, so that a file of an earlier run looks foreign; with equal bytes it is kept.
             Err(Error::Foreign { .. }) if self.keep_equal(path, kind, bytes) => Ok(()),
             Err(refused) => Err(refused),
         }
@@ -80,7 +80,7 @@ pub struct Output {
     folder: Folder,
     sink: OutputSink,
     hasher: PatchableHash,
-    /// Bytes were overwritten that the hash has already taken in.
+    /// True if bytes were overwritten after they were added to the hash.
     stale: bool,
     record: FileRecord,
 }

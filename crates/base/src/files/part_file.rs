@@ -1,8 +1,8 @@
-//! Files in the making: `.NAME.HOST-PID-N.part` beside the final name, unique per writer and gone when it ends.
+//! Files that are being written: `.NAME.HOST-PID-N.part` in the folder of the final name, one per writer, removed when it ends.
 //!
-//! A writer locks its part for as long as it is one. Process ids alone do not show whether the writer is still alive: two
-//! containers on one machine have the same ones. N counts from a random number, so that no two processes ever name the
-//! same part: who removes its own part by name cannot remove another's.
+//! A writer keeps its part locked until the part is renamed or removed. Process ids alone do not show whether the writer is
+//! still alive: processes in two containers on one machine may have the same id. N counts from a random number, so that no two
+//! processes use the same name: a writer that removes its part by name cannot remove the part of another.
 
 use std::collections::BTreeSet;
 use std::collections::hash_map::RandomState;
@@ -28,10 +28,10 @@ fn made_here(n: u64) -> bool {
     n.wrapping_sub(*FIRST) < COUNT.load(Ordering::Relaxed)
 }
 
-/// Bytes of the final name kept in the part's name, which must stay under 255.
+/// Largest number of bytes of the final name in the name of a part, which must stay under 255 bytes.
 const NAME_BYTES: usize = 120;
 
-/// Age after which a part is removed although its host is another or its lock cannot be queried.
+/// Age after which a part is removed even if another host made it or its lock cannot be queried.
 const PATIENCE: Duration = Duration::from_secs(24 * 3600);
 
 /// A part file; removed when dropped unless it was moved to its final name.
@@ -57,7 +57,7 @@ impl PartFile {
                     part.lock = file.try_clone().ok();
                     return Ok((part, file));
                 }
-                // Another process removing stale parts took it for one of a dead process, before it was locked.
+                // Before the part was locked, another process took it for that of a dead process and removed it: try the next number.
                 Ok(_) => {}
                 // Another file has this name: it is left to `remove_stale_parts`, and the next number is tried.
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => part.moved = true,
@@ -98,7 +98,8 @@ pub fn drop_parts() {
     }
 }
 
-/// Locks a part that was just made; false if another process was faster. Where files cannot be locked it is true.
+/// Locks a part that was just made; false if another process has locked or removed it meanwhile. A file system without locks
+/// counts as locked.
 #[cfg(unix)]
 fn is_held(file: &File) -> bool {
     use std::os::unix::fs::MetadataExt as _;

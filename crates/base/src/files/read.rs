@@ -1,4 +1,4 @@
-//! Bytes of files that a person named.
+//! Reads files that the user named on the command line.
 
 use std::fs::File;
 use std::io;
@@ -26,7 +26,8 @@ pub fn read_input(path: &Path, limit: u64, flag: &str) -> Result<Vec<u8>> {
 /// Bytes of standard input; `None` if it has more than `limit`. They are kept, since a sweep reads its scene once for every run
 /// and a pipe can be read only once.
 fn standard_input(limit: u64) -> io::Result<Option<Vec<u8>>> {
-    // Whether it has been read, and its bytes, `None` if there were too many: another call must not take the rest for the whole.
+    // Whether standard input has been read, and its bytes, or `None` if there were too many. The failure is kept too: a second
+    // read would return only the rest of the bytes.
     static KEPT: Mutex<(bool, Option<Vec<u8>>)> = Mutex::new((false, None));
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     if !kept.0 {

@@ -1,4 +1,4 @@
-//! References inside files: resolved, kept inside their folder, opened without ever waiting.
+//! Resolves references inside files, refuses those that lead out of their folder, and opens the files without blocking.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ pub enum ReadError {
     /// The spelling is not that of a relative path: empty, absolute, with a drive or scheme, or with control characters.
     #[error("reference {reference:?} {reason}")]
     Spelling {
-        /// Reference as written in the file; of a uri, with `%XX` decoded.
+        /// Reference as written in the file; `%XX` of a URI is decoded.
         reference: String,
         /// Predicate of the message, such as "is absolute".
         reason: &'static str,
@@ -21,19 +21,19 @@ pub enum ReadError {
     /// It leads out of all search paths, by `..` or through a link.
     #[error("reference {reference:?} leads out of the folder of the file that was opened")]
     Outside {
-        /// Reference as written in the file; of a uri, with `%XX` decoded.
+        /// Reference as written in the file; `%XX` of a URI is decoded.
         reference: String,
     },
     /// No search path holds the file.
     #[error("file {reference:?} is not found")]
     Missing {
-        /// Reference as written in the file; of a uri, with `%XX` decoded.
+        /// Reference as written in the file; `%XX` of a URI is decoded.
         reference: String,
     },
     /// The file is longer than the limit; it is not read.
     #[error("file {reference:?} is longer than {} bytes", crate::limits::grouped(*limit))]
     TooLong {
-        /// Reference as written in the file; of a uri, with `%XX` decoded.
+        /// Reference as written in the file; `%XX` of a URI is decoded.
         reference: String,
         /// Largest allowed length, bytes.
         limit: u64,
@@ -41,7 +41,7 @@ pub enum ReadError {
     /// A system call failed, or the path is a folder, a pipe or a device.
     #[error("cannot read {reference:?}: {source}")]
     Io {
-        /// Reference as written in the file; of a uri, with `%XX` decoded.
+        /// Reference as written in the file; `%XX` of a URI is decoded.
         reference: String,
         /// Error of the system call; `InvalidInput` for what is no regular file.
         source: io::Error,
@@ -102,7 +102,7 @@ impl SearchPaths {
         Ok(Self { folders: folders.collect::<Result<_>>()?, opened: opened_file })
     }
 
-    /// No folder at all: for texts that are not files, such as presets.
+    /// Search paths without any folder, for texts that are not files, such as presets.
     pub fn none() -> Self {
         Self::default()
     }
@@ -156,8 +156,8 @@ impl SearchPaths {
         self.read(from, &decoded, limit)
     }
 
-    /// Names of the regular files in the folder of `from` that end with `ending` (lower case; names in either case), sorted.
-    /// Empty if the folder is outside the search paths or has more than 10,000 entries.
+    /// Sorted names of the regular files in the folder of `from` that end with `ending`, which is in lower case and matches
+    /// either case. Empty if the folder is outside the search paths or has more than 10,000 entries.
     pub fn names_beside(&self, from: &Path, ending: &str) -> Vec<String> {
         const MOST: usize = 10_000;
         let folder = folder_of(from);
@@ -172,7 +172,7 @@ impl SearchPaths {
                 return Vec::new();
             }
             let name = entry.file_name().to_string_lossy().into_owned();
-            // A folder or a pipe of that name is no companion.
+            // Folders and pipes with such a name are left out.
             let is_file = || entry.path().metadata().is_ok_and(|m| m.is_file());
             if name.len() > ending.len() && name.to_ascii_lowercase().ends_with(ending) && is_file() {
                 names.push(name);
@@ -187,7 +187,7 @@ impl SearchPaths {
     }
 }
 
-/// Components of a reference without empty ones and `.`, of which `..` may be any; an error for a spelling that is refused.
+/// Components of a reference without empty ones and `.`; `..` is kept. An error for a spelling that is refused.
 fn spell(reference: &str) -> std::result::Result<Vec<String>, ReadError> {
     let refuse = |reason| Err(ReadError::Spelling { reference: reference.into(), reason });
     // Exporters on Windows write backslashes.
@@ -224,7 +224,8 @@ fn has_scheme(path: &str) -> bool {
         && word.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.'))
 }
 
-/// `base` and the components, with `..` taken literally; `None` above the top.
+/// `base` followed by the components, of which `..` removes the last component without regard to links; `None` if there is none
+/// left to remove.
 fn below(base: &Path, parts: &[String]) -> Option<PathBuf> {
     let mut path = base.to_owned();
     for part in parts {

@@ -1,4 +1,4 @@
-//! Names that are safe as files, prims and identifiers, whatever the input called its things.
+//! Makes names that are safe as files, prims and identifiers from any names in the input.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -10,7 +10,8 @@ use osier_scene::{Frame, MapLayer, MapSequence, Scene};
 /// Side of an atlas, texels: small enough for the textures of current GPUs (at least 16384) and one file per frame of moderate
 /// size.
 pub const ATLAS: usize = 4096;
-/// Texels around a tile that repeat its edge, so that bilinear filtering does not mix in the neighbours.
+/// Width, texels, of the border around a tile that repeats its edge, so that bilinear filtering does not mix in the
+/// neighbours.
 pub const BORDER: usize = 2;
 
 /// Packs the maps of all map sequences into square images of [`ATLAS`] texels a side, one per layer.
@@ -56,7 +57,8 @@ impl AtlasWriter {
             let TilePosition { atlas, corner: [x, y] } = self.tile_position(i);
             serde_json::json!({
                 "leaf": sequence.name, "atlas": atlas_name(atlas), "scale": [share(sequence.side), share(sequence.side)],
-                // Offsets count from the lower left corner as texture coordinates do, rows of the atlas from the top.
+                // Offsets count from the lower left corner, as texture coordinates do; rows of the atlas count from the
+                // top.
                 "offset": [share(x), share(ATLAS - y - sequence.side)],
             })
         };

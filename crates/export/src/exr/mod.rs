@@ -58,10 +58,10 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(ExrExporter::new(job.folder.clone(), job.options.exr))],
 };
 
-/// Estimate from bytes that were measured on leaves in rain, with a file of each map for each frame.
+/// Estimate from bytes that were measured on leaves in rain, with one file per map and frame.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = input.options.exr;
-    // Height and normal of a relief have 3.1 bytes per texel; atlases hold all once more.
+    // Height and normal of a relief take 3.1 bytes per texel; atlases contain all maps a second time.
     let files = if options.atlas { 2 } else { 1 };
     let drops: u64 = input.scene.map_sequences.iter().map(estimate_drops).sum();
     let sequences = (drops + input.relief_texels() * 31 / 10) * input.frames.max(1) * files;
@@ -72,15 +72,15 @@ fn estimate(input: &EstimateInput) -> u64 {
     sequences + input.heights + land * 4 + fields
 }
 
-/// Bytes of the drops in the maps of one frame, measured on sides of 128 to 1024 texels: the margins of drops take 12 for each texel
-/// along a side and channel, their insides a hundredth for each texel of the map.
+/// Bytes of the drops in the maps of one frame, measured on maps with sides of 128 to 1024 texels. Per channel, the
+/// drops' margins take 12 bytes per texel of the side, their insides a hundredth of a byte per texel of the map.
 fn estimate_drops(sequence: &MapSequence) -> u64 {
     let channels: u64 = sequence.layers.iter().map(|layer| layer.encoding.channels() as u64).sum();
     channels * (12 * sequence.side as u64 + sequence.texels() as u64 / 100)
 }
 
-/// Bytes of the files of a field. Own: measured on flights, a header of 700 bytes and two for each texel that holds something, of which
-/// steep faces have few. `most`: things that can lie in it.
+/// Bytes of the files of a field. Own: measured on flights, a header of 700 bytes and two bytes for each texel with a
+/// deposit; steep faces have few of these. `most`: largest number of objects that can be deposited in it.
 fn estimate_field(field: &Field, most: u64, frames: u64) -> u64 {
     let texels = (field.width as u64).saturating_mul(field.height as u64);
     let is_steep = field.along.y.abs().max(field.down.y.abs()) > 0.5 * field.along.length().min(field.down.length());
@@ -177,7 +177,7 @@ impl Exporter for ExrExporter {
     }
 }
 
-/// Writes the values of a field at a frame, or without a frame number those of the last one.
+/// Writes the values of a field at a frame; without a frame number, the last values, into a file without number.
 fn write_field(
     folder: &Folder,
     scene: &Scene,

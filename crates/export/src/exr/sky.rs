@@ -11,7 +11,8 @@ use osier_scene::{Scene, Sky};
 /// Path of the image in the output folder.
 pub const FILE: &str = "maps/sky.exr";
 
-/// Rows; there are twice as many columns. Own: the innermost ring of the sun's glow, 6 degrees in radius, then has 17 texels.
+/// Rows; there are twice as many columns. Own: the innermost ring of the sun's glow, 6 degrees in radius, then spans 17
+/// texels.
 const HEIGHT: u16 = 512;
 /// Seed of [`dapple`], the same for all scenes, so that a sky depends only on its keys.
 const SEED: u64 = 0x0073_6b79;

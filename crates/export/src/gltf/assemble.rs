@@ -42,8 +42,8 @@ impl GltfDocument<'_> {
         let copies = if is_scene { self.choose_copies(placements) } else { BTreeSet::new() };
         let chosen = self.choose_moving_instances(placements, name);
         let mut nodes: BTreeMap<usize, AssetNodes> = BTreeMap::new();
-        // The contents of an asset are built for its first placement and shared by the others; the joints' channels once more
-        // for each phase.
+        // The contents of an asset are built for its first placement and shared by the others; only the channels of its
+        // joints are built again for each phase.
         let mut later: BTreeMap<(usize, u32), Vec<JointNode>> = BTreeMap::new();
         for (i, placement) in placements.iter().enumerate().filter(|(i, _)| !copies.contains(i)) {
             let asset = placement.asset;
@@ -73,7 +73,8 @@ impl GltfDocument<'_> {
         Ok(filled)
     }
 
-    /// Selects the moving instances to write: all, or those of the smallest keys if the file would have too many (X003).
+    /// Selects the moving instances to write: all, or those with the smallest keys if the file would have too many
+    /// (X003).
     fn choose_moving_instances(&mut self, placements: &[Placement], name: &str) -> InstancesByPlacement {
         let input = self.input;
         let mut list = Vec::new();
@@ -120,8 +121,8 @@ impl GltfDocument<'_> {
         chosen
     }
 
-    /// Whether the instances of an instancer are leaves that change over the clip, too many for a node each. They are then
-    /// written as at rest: a selection of them would show a bare tree.
+    /// Whether the instances of an instancer are leaves that change over the clip, too many for a node each. They are
+    /// then written in their rest state: with a selection of them the tree would look bare.
     pub(super) fn stays_at_rest(&self, asset: &Asset, instancer: &Instancer) -> bool {
         let of_season = |i: &Instancer| i.motion == InstancerMotion::Free && i.rest.attribute(LEAF_COLOR).is_some();
         let all: usize = asset.instancers.iter().filter(|i| of_season(i)).map(Instancer::len).sum();

@@ -29,7 +29,7 @@ pub(super) struct AssetNodes {
     pub templates: Vec<NodeTemplate>,
 }
 
-/// Node of a joint that is written; joints outside the selection have none.
+/// Node of a joint that is written; joints that were not selected have none.
 #[derive(Debug)]
 pub(super) struct JointNode {
     pub name: String,
@@ -96,7 +96,7 @@ impl GltfDocument<'_> {
         let Some(source) = input.scene.assets.get(asset) else { return Ok(AssetNodes::default()) };
         let Some(tracks) = input.tracks.assets.get(asset) else { return Ok(AssetNodes::default()) };
         let mut nodes = AssetNodes::default();
-        // Without frames nothing is posed: joints would cost nodes and skins and show the rest pose.
+        // Without frames there are no poses: joints would cost nodes and skins, and would show only the rest pose.
         let selection = if input.tracks.is_still() { None } else { self.select_joints(asset) };
         // The meshes of a skin share its inverse bind matrices, and with them one cube.
         let skinned = source.meshes.iter().filter(|o| selection.is_some() && is_skinned(o));
@@ -183,7 +183,7 @@ impl GltfDocument<'_> {
         Ok(nodes)
     }
 
-    /// The leaves of a growing plant as a mesh that morphs, with X003, which tells how many are written and how large.
+    /// Adds the leaves of a growing plant as a mesh that morphs, and the warning X003 with their number and size.
     fn add_growing_leaves(&mut self, nodes: &mut AssetNodes, asset: &Asset, leaves: &LeafShapes) -> Result<()> {
         let label = format!("asset {}, leaves", asset.id);
         let Some(leaves) = leaves.mesh(asset, &label)? else { return Ok(()) };
@@ -235,7 +235,7 @@ impl GltfDocument<'_> {
         let is_rest = |mesh: &Mesh, s: &MorphShape| {
             s.points == mesh.points && (s.normals.is_empty() || s.normals == mesh.normals)
         };
-        // Frames at rest need no target: all weights are 0 there. Frames of one shape in succession share a target.
+        // Frames at rest need no target: all weights are 0 there. Successive frames of equal shape share a target.
         let mut morphed: Vec<usize> = Vec::new();
         let mut target_of: Vec<Option<usize>> = Vec::with_capacity(shapes.len());
         for (i, shape) in shapes.iter().enumerate() {
@@ -265,8 +265,8 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// A mesh of which parts are hidden: a target that hides all, whose weight is always 1, and one for each shape, whose weight is
-    /// 1 at its frame and 0 at the other ones.
+    /// A mesh with hidden parts: a target that hides all parts, whose weight is always 1, and one target for each
+    /// shape, whose weight is 1 at its frame and 0 at the other ones.
     fn add_mesh_of_parts(
         &mut self,
         nodes: &mut AssetNodes,
@@ -275,7 +275,7 @@ impl GltfDocument<'_> {
         parts: &HiddenParts,
         kind: &'static str,
     ) -> Result<()> {
-        // Frames of one shape in succession share a target.
+        // Successive frames of equal shape share a target.
         let mut written: Vec<(usize, String)> = Vec::new();
         let mut target_of: Vec<usize> = Vec::with_capacity(parts.shapes.len());
         for (i, shape) in parts.shapes.iter().enumerate() {
@@ -297,14 +297,15 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// Name of the target of the shape at index `i` of `frames`: that of its frame.
+    /// Name of the target of the shape at index `i` of `frames`: the name of its frame.
     fn target_name(&self, frames: &[usize], i: usize) -> String {
         let frame = frames.get(i).copied().unwrap_or_default();
         let number = self.input.tracks.numbers.get(frame).copied().unwrap_or_default();
         format!("frame_{}", self.input.scene.clip.tag(number))
     }
 
-    /// The channel of the weights of all targets at the first of `frames`, at the second, and so on.
+    /// The channel of the weights of all targets. `weights`: those at the first of `frames`, then those at the second,
+    /// and so on.
     fn weight_channel(&mut self, frames: &[usize], weights: &[f32], label: &str) -> Result<NodeChannel> {
         let times: Vec<f32> = frames.iter().filter_map(|f| self.input.tracks.times.get(*f)).copied().collect();
         let output = self.buffer.add_scalars(weights, label)?;
@@ -323,7 +324,7 @@ impl GltfDocument<'_> {
                 Profile::Web => match self.add_prototype_mesh(instancer, proto, label)? {
                     Some(mesh) => {
                         let instancing = self.group_instancing(&group, &Trs::IDENTITY, mesh.cube)?;
-                        // Instances have the dequantization; their node has none.
+                        // The dequantization is in the transforms of the instances, not in that of their node.
                         (Some(StoredMesh { cube: None, ..mesh }), Some(instancing))
                     }
                     None => (None, None),
@@ -358,7 +359,8 @@ impl GltfDocument<'_> {
         // The groups of each joint: one for each prototype of which it carries instances.
         let mut riders: Vec<Vec<InstanceGroup<'_>>> = selection.kept.iter().map(|_| Vec::new()).collect();
         for (proto, members) in live_by_prototype(instancer, state).into_iter().enumerate() {
-            // The index of a list is that of its joint: the order of the nodes does not depend on that of the instances.
+            // Indices of this list are those of the joints: the order of the nodes does not depend on that of the
+            // instances.
             let mut by_joint: Vec<Vec<usize>> = vec![Vec::new(); selection.kept.len()];
             for i in members {
                 if let Some(list) = carriers.get(i).and_then(|c| by_joint.get_mut(usize::from(*c))) {
@@ -490,7 +492,7 @@ impl GltfDocument<'_> {
         let mut joints = Vec::new();
         let times = &self.input.tracks.times;
         let drop_keys = self.input.options.profile != Profile::Blender;
-        // The pose at each of `times`: a motion that repeats ends with its first one.
+        // The pose at each of `times`: motion that repeats ends with its first pose.
         let keyed = poses.iter().chain(poses.first().filter(|_| self.input.tracks.repeats));
         for (k, &i) in selection.kept.iter().enumerate() {
             let joint = &skeleton.joints[i];

@@ -7,20 +7,23 @@ use osier_base::Result;
 use osier_base::math::{narrow, sqrt};
 use osier_scene::Mesh;
 
-/// Share of the area of a blade below which what edge collapse leaves of it does not stand for it. Of a twig of needles single
-/// needles are left, of a blade with a stalk often a sliver.
+/// Least area of a simplified blade as a share of the leaf's seen area; with less, the simplified blade does not
+/// represent the leaf. Edge collapse often leaves single needles of a twig of needles, or a sliver of a blade with a
+/// stalk.
 const LEAST_AREA: f64 = 0.5;
-/// Blades that have fewer triangles, as billboards, or may keep as many are simplified whatever is left of their area.
+/// Number of triangles for which the area is not tested: blades that have fewer, such as billboards, and blades that
+/// may keep as many.
 const ENOUGH: usize = 16;
 
-/// Area of a leaf seen from above, m^2: its area, or the rectangle around it where its parts overlap, as needles do.
+/// Visible area of a leaf from above, m^2: the area of its triangles, but at most the rectangle around it, for leaves
+/// whose parts overlap, such as needles.
 pub(super) fn seen_area(mesh: &Mesh) -> f64 {
     let size = mesh.bounds().size();
     area(mesh).min(f64::from(size.x * size.y))
 }
 
-/// A leaf of at most about `most` triangles: simplified, or a rhombus where that leaves too little of it. `label`: names the mesh in
-/// errors.
+/// A leaf of at most about `most` triangles: simplified by edge collapse, or a rhombus where that leaves too little of
+/// its area. `label`: names the mesh in errors.
 pub(super) fn simpler_blade(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
     let simple = compact(&with_fewer_triangles(mesh, most, BLADE_DEVIATION, label)?);
     let is_free = mesh.triangles.len() < ENOUGH || most >= ENOUGH;
@@ -30,7 +33,7 @@ pub(super) fn simpler_blade(mesh: &Mesh, most: usize, label: &str) -> Result<Mes
     Ok(rhombus(mesh).unwrap_or(simple))
 }
 
-/// [`simpler_blade`], enlarged about its pivot to the area of the leaf as far as the factor `most_growth` allows.
+/// [`simpler_blade`], enlarged about its pivot to the visible area of the leaf, by at most the factor `most_growth`.
 pub(super) fn enlarged_blade(mesh: &Mesh, most: usize, most_growth: f32, label: &str) -> Result<Mesh> {
     let mut simple = simpler_blade(mesh, most, label)?;
     let factor = narrow(sqrt(seen_area(mesh) / seen_area(&simple).max(1e-12))).clamp(1.0, most_growth);
@@ -38,27 +41,28 @@ pub(super) fn enlarged_blade(mesh: &Mesh, most: usize, most_growth: f32, label: 
     Ok(simple)
 }
 
-/// Two triangles between the base, the tip and the sides of a leaf, which lies along +Y with its upper side to +Z, at most as large as
-/// the leaf; `None` for one without extent. The material is that of most of its triangles.
+/// Two triangles between the base, the tip and the sides of a leaf, which lies along +Y with its upper side towards +Z.
+/// Their area is at most that of the leaf. `None` for a leaf without extent. The material is the one of most of its
+/// triangles.
 fn rhombus(mesh: &Mesh) -> Option<Mesh> {
     let subset = mesh.subsets.iter().max_by_key(|s| s.count)?;
     let extreme = |along: Vec3| {
         let places = (0_u32..).zip(&mesh.points).map(|(i, p)| (p.dot(along), i));
         places.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, i)| i)
     };
-    // Needles, which share few points, stand all round their twig: a rhombus that leans by 45 degrees is seen from above and from the
-    // side.
+    // Needles share few points and stand all round their twig: a rhombus that leans by 45 degrees is visible from above
+    // and from the side.
     let is_round = mesh.points.len() > mesh.triangles.len() && faces_all_round(mesh);
     let across = if is_round { Vec3::new(1.0, 0.0, 1.0).normalize() } else { Vec3::X };
     // Base, right side, tip, left side: counter-clockwise seen from above.
     let corners = [extreme(Vec3::NEG_Y)?, extreme(across)?, extreme(Vec3::Y)?, extreme(-across)?];
     let mut blade = vertices_of(mesh, &corners);
-    // Base and tip are on the midrib: the last needle of a twig points aside.
+    // Move base and tip to the midrib, since the last needle of a twig points aside.
     for (p, side) in blade.points.iter_mut().zip([0.0, 1.0, 0.0, 1.0]) {
         *p = if is_round { Vec3::Y * p.y + across * (side * p.dot(across)) } else { Vec3::new(side * p.x, p.y, p.z) };
     }
     blade.append_subset(subset.material, vec![[0, 1, 2], [0, 2, 3]]);
-    // The sides move in towards the midrib until the area is that of the leaf.
+    // Move the sides towards the midrib until the area equals that of the leaf.
     let (own, whole) = (area(&blade), area(mesh));
     let inwards = narrow((whole / own.max(1e-12)).min(1.0));
     let [base, right, tip, left] = blade.points[..] else { return None };
@@ -72,8 +76,8 @@ fn rhombus(mesh: &Mesh) -> Option<Mesh> {
     (own > 1e-12).then_some(blade)
 }
 
-/// Whether the triangles of a mesh face all round: their mean normal, weighted by area, is shorter than half a unit. That of a blade
-/// is longer, also if its triangles share no points, unless it is rolled up.
+/// Whether the triangles of a mesh face all directions: their mean normal, weighted by area, is shorter than half a
+/// unit. The mean normal of a blade is longer, even if its triangles share no points, unless it is rolled up.
 fn faces_all_round(mesh: &Mesh) -> bool {
     let point = |i: u32| mesh.points.get(i as usize).copied().unwrap_or_default();
     let normals = mesh.triangles.iter().map(|[a, b, c]| (point(*b) - point(*a)).cross(point(*c) - point(*a)));

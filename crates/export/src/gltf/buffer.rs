@@ -73,7 +73,7 @@ impl BinaryBuffer {
         let mut bounds: Option<[[T; 3]; 2]> = None;
         for vector in vectors {
             vector.iter().for_each(|c| self.bytes.extend_from_slice(&to_bytes(*c)));
-            // Padding to the stride: attributes begin at multiples of four bytes.
+            // Pad to the stride, since attributes must begin at multiples of four bytes.
             self.bytes.extend_from_slice(&[0; 2]);
             let [low, high] = bounds.get_or_insert([vector; 2]);
             for (c, (low, high)) in vector.iter().zip(low.iter_mut().zip(high)) {
@@ -90,7 +90,8 @@ impl BinaryBuffer {
         self.add_accessor(Accessor { normalized: true, min, max, ..accessor })
     }
 
-    /// Vectors of three floats at the rising `indices` of `count` elements, of which all others are zeros, with bounds.
+    /// Vectors of three floats at the increasing `indices` of `count` elements; all other elements are zero. With
+    /// bounds.
     pub(super) fn add_sparse_vectors(
         &mut self,
         indices: &[u32],
@@ -104,8 +105,8 @@ impl BinaryBuffer {
         self.add_sparse(indices, stored, count, component::F32, f32::to_le_bytes, |c| c)
     }
 
-    /// Differences of positions, m, at the rising `indices` of `count` elements, as in [`Self::add_quantized_differences`]; all others
-    /// are zeros. Requires KHR_mesh_quantization.
+    /// Differences of positions, m, at the increasing `indices` of `count` elements, stored as in
+    /// [`Self::add_quantized_differences`]; all other elements are zero. Requires KHR_mesh_quantization.
     pub(super) fn add_sparse_quantized_differences(
         &mut self,
         indices: &[u32],
@@ -119,7 +120,8 @@ impl BinaryBuffer {
         self.add_sparse(indices, stored, count, component::I16, i16::to_le_bytes, f32::from)
     }
 
-    /// An accessor of type VEC3 without a buffer view: its elements are zeros but those of `indices`, which rise. Integers are normalised.
+    /// An accessor of type VEC3 without a buffer view: all elements are zero except those at the increasing `indices`.
+    /// Integers are normalised.
     fn add_sparse<T: Copy, const BYTES: usize>(
         &mut self,
         indices: &[u32],
@@ -129,7 +131,7 @@ impl BinaryBuffer {
         to_bytes: fn(T) -> [u8; BYTES],
         number: fn(T) -> f32,
     ) -> Result<Index> {
-        // Elements that are left out are zeros and count for the bounds.
+        // Omitted elements are zero and count for the bounds.
         let (mut low, mut high) =
             if indices.len() < count { (Vec3::ZERO, Vec3::ZERO) } else { (Vec3::INFINITY, Vec3::NEG_INFINITY) };
         let start = self.align();
@@ -149,7 +151,7 @@ impl BinaryBuffer {
             max: bounds(high),
             ..Accessor::default()
         };
-        // The schema has no empty list of elements.
+        // The schema does not allow an empty list of elements.
         if indices.is_empty() {
             return self.add_accessor(zeros);
         }
@@ -388,7 +390,7 @@ impl BinaryBuffer {
         if let Some(i) = bad {
             return Err(Error::export("X001", format!("{label}: element {i} is not finite")));
         }
-        // The iterator need not know its length: the elements are counted by the bytes that they took.
+        // The iterator may not know its length: count the elements by the bytes that they took.
         let count = (self.bytes.len() - start) / (4 * width);
         // Vectors of three outside of vertex data are translations and scales of keys and instances.
         let stream = match (target, shape) {

@@ -45,7 +45,8 @@ pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8
 pub(super) fn encode_gltf(mut document: GltfDocument<'_>, uri: String) -> Result<(Vec<u8>, Vec<u8>)> {
     let mut bin = take_buffer(&mut document, Some(uri))?;
     if let Some(buffer) = document.root.buffers.first_mut().filter(|_| !bin.is_empty()) {
-        // Behind all that the document refers to stands the mark by which a later run knows the file as one of its own.
+        // The mark by which a later run recognises the file as its own follows behind all data that the document refers
+        // to.
         bin.extend_from_slice(crate::GENERATOR.as_bytes());
         buffer.byte_length = bin.len();
     }

@@ -22,9 +22,9 @@ use osier_scene::{Asset, InstancerMotion, MeshMotion, Placement, Trs, ribbons};
 /// Most transforms (copies times leaves of each) of an instanced node. At 32 bytes each it limits an accessor to 6 MB; copies
 /// beyond it get further nodes.
 const MAX_NODE_TRANSFORMS: usize = 200_000;
-/// Draw calls of the `web` profile for leaves attached to joints, over all swaying placements: a call is one prototype on one
-/// joint. Own: with bark, ground and copies a scene stays below 500 calls, which browsers on phones draw at 60 Hz; a larger
-/// value keeps more joints.
+/// Most draw calls of the `web` profile for leaves attached to joints, over all swaying placements: one call per
+/// prototype and joint. Own: with bark, ground and copies a scene stays below 500 calls, which browsers on phones draw
+/// at 60 Hz; a larger value keeps more joints.
 const MAX_LEAF_DRAW_CALLS: usize = 300;
 /// Fewest joints of a swaying plant, however many there are. Own: trunk and main branches still bend.
 const MIN_JOINTS: usize = 8;
@@ -100,7 +100,7 @@ impl GltfDocument<'_> {
         let swaying = placements.iter().enumerate().filter(|(i, _)| !copies.contains(i));
         let prototypes: usize = swaying.filter_map(|(_, p)| riding(p)).sum();
         // Each joint of a swaying plant costs a draw call for each prototype on it: limit = calls / sum of prototypes.
-        // Without instances there is nothing to limit; the floor keeps a forest of many plants from becoming rigid.
+        // Without instances there is no limit; the minimum keeps a forest of many plants from becoming rigid.
         MAX_LEAF_DRAW_CALLS.checked_div(prototypes).map_or(super::rig::MAX_JOINTS, |n| n.max(MIN_JOINTS))
     }
 
@@ -172,7 +172,8 @@ impl GltfDocument<'_> {
                 }
                 let Some(mesh) = self.add_prototype_mesh(instancer, proto, &label)? else { continue };
                 let name = format!("{}_{}_{}", asset.id, instancer.name, instancer.prototypes[proto].name);
-                // Instances of instances: the transform of each copy after that of each instance, copies x instances in all.
+                // Instances of instances: each instance of the plant, then the transform of each copy; copies x
+                // instances in all.
                 let own: Vec<Trs> = members.iter().map(|i| instancer.transform(&instancer.rest, *i)).collect();
                 let group = InstanceGroup { instancer, state: &instancer.rest, proto, members, label: &label };
                 // All copies in one node, or in as few as the limit allows.

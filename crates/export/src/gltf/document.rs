@@ -37,7 +37,8 @@ pub(super) struct MaterialVariant {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum GeometryKind {
     Mesh,
-    /// Level of a plant with fewer and larger leaves: its leaves have no normal map, whose relief would be enlarged with them.
+    /// Level of a plant with fewer and larger leaves: leaves have no normal map, whose relief would be enlarged with
+    /// them.
     ThinnedPlant,
     /// A flat strip instead of a curve: double-sided.
     Ribbon,

@@ -1,10 +1,11 @@
-//! Meshes of which parts are not seen over much of a clip, as branches and leaves of a plant that grows: targets have vertices only
-//! where these are seen.
+//! Meshes with parts that are invisible over much of a clip, such as branches and leaves of a growing plant: targets
+//! contain vertices only where these are visible.
 //!
-//! A part is a connected set of triangles. Target 0 has weight 1 over the whole clip and takes every part to one place, where its
-//! triangles have no area. The other targets are differences from there, and hold the vertices of the parts that are seen in
-//! their shape or in the shape before or after it. So a part is in its place, as a whole, at both ends of each interval in which it is seen;
-//! elsewhere all of it is a point. Of two shapes without area a part that moves between a point and the other has none either.
+//! A part is a connected set of triangles. Target 0 has weight 1 over the whole clip and collapses every part to a
+//! point, where its triangles have no area. The other targets are differences from that state. Each contains the
+//! vertices of the parts that are visible in its shape or in the shape before or after it. So a part is in its place,
+//! as a whole, at both ends of each interval in which it is visible, and collapsed otherwise. Between a collapsed shape
+//! and a shape without area the part has no area either.
 //!
 //! ```text
 //! shape            0     1     2     3     4     5     6
@@ -20,28 +21,29 @@ use osier_base::convert::saturating_index;
 use osier_base::disjoint_sets::DisjointSets;
 use osier_scene::Mesh;
 
-/// The vertices of a shape that a target holds.
+/// The vertices of a shape that its target contains.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct ShownVertices {
-    /// Indices of vertices of the mesh, rising.
+    /// Indices of vertices of the mesh, increasing.
     pub indices: Vec<u32>,
-    /// Parallel to `indices`.
+    /// Position of each vertex in `indices`.
     pub points: Vec<Vec3>,
-    /// Parallel to `indices`, or empty.
+    /// Normal of each vertex in `indices`; may be empty.
     pub normals: Vec<Vec3>,
 }
 
-/// The shapes of a mesh without the parts that are not seen.
+/// The shapes of a mesh, each without the parts that are invisible.
 #[derive(Debug, Default)]
 pub(super) struct HiddenParts {
-    /// Points of the mesh when no part is seen: those of each part lie at one place.
+    /// Points of the mesh when all parts are hidden: the points of each part coincide.
     pub hidden: Vec<Vec3>,
     /// One for each shape.
     pub shapes: Vec<ShownVertices>,
 }
 
 impl HiddenParts {
-    /// `None` if targets with all vertices are shorter, as where all is seen at all times.
+    /// Finds the hidden parts. `None` if targets with all vertices are shorter, for example if everything is always
+    /// visible.
     pub(super) fn of(mesh: &Mesh, shapes: &[MorphShape]) -> Option<Self> {
         if shapes.iter().all(|shape| !shape.unseen.contains(&true)) {
             return None;
@@ -68,7 +70,7 @@ impl HiddenParts {
             let held: Vec<bool> = (0..count).map(|part| is_held(k, part)).collect();
             for (i, (part, point)) in parts.iter().zip(&shape.points).enumerate().filter(|(_, (part, _))| held[**part])
             {
-                // A part waits where it is seen first.
+                // A hidden part is a point where it becomes visible first.
                 hidden[*part].get_or_insert(*point);
                 shown.indices.push(saturating_index(i));
                 shown.points.push(*point);
@@ -80,11 +82,11 @@ impl HiddenParts {
         }
         let held: usize = list.iter().map(|shown| shown.indices.len()).sum();
         let all = mesh.points.len();
-        // The target that hides all parts holds all vertices.
+        // The target that hides all parts contains all vertices.
         if held * (VECTOR_BYTES + INDEX_BYTES) + all * VECTOR_BYTES >= all * VECTOR_BYTES * shapes.len() {
             return None;
         }
-        // A part that is never seen is a point where its first vertex lies.
+        // A part that is never visible is a point at its first vertex.
         for (part, point) in parts.iter().zip(&mesh.points) {
             hidden[*part].get_or_insert(*point);
         }
@@ -92,19 +94,19 @@ impl HiddenParts {
         Some(Self { hidden, shapes: list })
     }
 
-    /// The shape that has most vertices, of several the last one.
+    /// The shape with the most vertices; the last one of several.
     pub(super) fn fullest(&self) -> Option<usize> {
         (0..self.shapes.len()).max_by_key(|k| self.shapes[*k].indices.len())
     }
 
-    /// Whether shapes have normals: all of them, or all that have vertices.
+    /// Whether the shapes have normals: true if all shapes that have vertices have them.
     pub(super) fn has_normals(&self) -> bool {
         let mut shown = self.shapes.iter().filter(|s| !s.indices.is_empty()).peekable();
         shown.peek().is_some() && shown.all(|s| s.normals.len() == s.indices.len())
     }
 }
 
-/// For each point the part to which it belongs, numbered from 0 in the order of their first points.
+/// For each point the number of its part; parts are numbered from 0 in the order of their first points.
 fn parts_of(mesh: &Mesh) -> Vec<usize> {
     let mut sets = DisjointSets::connected(mesh.points.len(), &mesh.triangles);
     let mut part_of_first = vec![None; mesh.points.len()];

@@ -104,7 +104,7 @@ impl GltfDocument<'_> {
         let rotations: Vec<Quat> = list.iter().map(|t| if t.r.w < 0.0 { -t.r } else { t.r }).collect();
         let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();
         let scales: Vec<Vec3> = list.iter().map(|t| t.s).collect();
-        // Rotation, scale, translation: alphabetic, as the JSON lists the attributes.
+        // Rotation, scale, translation: alphabetical order, in which the JSON lists the attributes.
         let rotation = self.buffer.add_instance_rotations(&rotations, stream, label)?;
         let scale = if scales.iter().any(|s| *s != Vec3::ONE) {
             Some(self.buffer.add_vectors(&scales, None, label)?)

@@ -411,7 +411,7 @@ pub(super) struct TextureSampler {
 #[derive(Debug, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Accessor {
-    /// `None`: all elements are zeros but those of `sparse`.
+    /// `None`: all elements are zero except those of `sparse`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub buffer_view: Option<Index>,
     pub component_type: u32,

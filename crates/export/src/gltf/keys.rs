@@ -13,20 +13,21 @@ const MAX_GAP: usize = 256;
 /// Values of an animated property at the frames of a clip.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum KeyedValues<T> {
-    /// The same at all frames.
+    /// The value is the same at all frames.
     Constant(T),
     /// Keys: increasing indices of frames, with the first and the last one of the clip, and their values.
     Keys(Vec<usize>, Vec<T>),
 }
 
-/// Keys of positions or scales. `drop_keys`: omit those that LINEAR interpolation restores within [`KEY_TOLERANCE`].
+/// Reduces keys of positions or scales. `drop_keys`: omit those that LINEAR interpolation restores within
+/// [`KEY_TOLERANCE`].
 pub(super) fn reduce_positions(times: &[f32], values: &[Vec3], drop_keys: bool) -> KeyedValues<Vec3> {
     let near = |a: &Vec3, b: &Vec3| (*a - *b).length() <= KEY_TOLERANCE;
     let between = |a: &Vec3, b: &Vec3, t: f32| *a + (*b - *a) * t;
     reduce_keys(times, values, drop_keys, near, between)
 }
 
-/// Keys of rotations: unit quaternions without sign changes.
+/// Reduces keys of rotations to unit quaternions without sign changes.
 pub(super) fn reduce_rotations(times: &[f32], values: &[Quat], drop_keys: bool) -> KeyedValues<Quat> {
     // The error of a rotation is the angle of a^-1 b, rad, the same for q and -q.
     let near = |a: &Quat, b: &Quat| rotation_angle(*a, *b) <= KEY_TOLERANCE;
@@ -75,7 +76,7 @@ fn reduce_keys<T: Copy + PartialEq>(
     between: impl Fn(&T, &T, f32) -> T,
 ) -> KeyedValues<T> {
     let Some(first) = values.first() else { return KeyedValues::Keys(Vec::new(), Vec::new()) };
-    // Equality first: values that are the same in every bit are constant whatever the profile.
+    // Test equality first: values with the same bits are constant whatever the profile.
     if values.iter().all(|v| v == first || (drop_keys && near(v, first))) {
         return KeyedValues::Constant(*first);
     }

@@ -1,10 +1,11 @@
-//! Leaves of a plant that grows over the clip and has too many for a node each: a mesh that morphs from shape to shape.
+//! Leaves of a growing plant that has too many of them for a node each: one mesh that morphs from shape to shape.
 //!
-//! At evenly spaced ones of the written frames, at all of them if the budget of bytes allows it, the leaves of the smallest keys among those
-//! that are alive are recorded. As many of each frame are written as the budget allows, enlarged to cover the area of all. Each run of
-//! recorded frames in which an instance is the same leaf is shown by a blade of a few triangles. While no leaf is recorded, a blade is a
-//! point: targets hold those vertices that are seen in their shape or beside it ([`HiddenParts`]). A blade may show several runs in
-//! succession, which leave it a point for at least one interval between two shapes; there it goes to its next place.
+//! Leaves are recorded at evenly spaced frames, at all written frames if the budget of bytes allows it; of each frame,
+//! the live leaves with the smallest keys. As many leaves of each recorded frame are written as the budget allows,
+//! enlarged so that they cover the area of all. A run of recorded frames in which an instance is the same leaf is shown
+//! by a blade of a few triangles, which is collapsed to a point otherwise: targets contain the vertices that are
+//! visible in their shape or in a neighbouring one ([`HiddenParts`]). A blade can show several runs one after another,
+//! if it is a point at both ends of at least one interval between them, in which it moves to its next place.
 //!
 //! ```text
 //! shape               0     1     2     3     4     5     6
@@ -32,88 +33,98 @@ use osier_scene::{
     Scene, Subset, Trs, bent_normal, instance_states,
 };
 
-/// Bytes of the leaves of a plant for viewers and engines; for Blender [`GltfOptions::leaf_bytes`] counts. Own: some 30,000 blades
-/// in 60 shapes, which web viewers draw without delay.
+/// Most bytes of the leaves of a plant for viewers and engines; for Blender the limit is [`GltfOptions::leaf_bytes`].
+/// Own: some 30,000 blades in 60 shapes, which web viewers draw without delay.
 const LEAF_BUDGET: usize = 40 << 20;
-/// Bytes that viewers and Blender hold of the targets, which have all vertices there, over [`LEAF_BUDGET`] and
-/// [`GltfOptions::leaf_bytes`]. Own: of a graphics card of 1 GB less than a fifth, of a computer with 8 GB half a gigabyte.
+/// Most bytes of the targets in the memory of a viewer, where each has all vertices, divided by [`LEAF_BUDGET`]. Own:
+/// less than a fifth of a graphics card of 1 GB.
 const MEMORY_RATIO: usize = 5;
+/// As [`MEMORY_RATIO`], for Blender and [`GltfOptions::leaf_bytes`]. Own: half a gigabyte of 8 GB.
 const BLENDER_MEMORY_RATIO: usize = 3;
-/// Bytes of a position in the memory of a viewer, whose textures have four numbers, and of Blender.
+/// Bytes of a position in the memory of a viewer, whose textures have four numbers.
 const VIEWER_POINT: usize = 16;
+/// Bytes of a position in the memory of Blender.
 const BLENDER_POINT: usize = 12;
-/// Fewest intervals between shapes for which frames are left out. Own: leaves unfold within a twelfth of a year and give way to others each
-/// year; of a tree of 20 years the area of all, between shapes, is 0.7 of what it is at a frame with 60 shapes, and 0.6 with 30.
+/// Least number of intervals between shapes if frames are left out. Own: leaves unfold within a twelfth of a year.
+/// Measured on a tree of 20 years: halfway between two shapes the area of its leaves drops to 0.7 (60 shapes) or 0.6
+/// (30 shapes) of that at a shape.
 const LEAST_SHAPES: usize = 48;
-/// Most shapes: importers and viewers make an entry of each in lists of all.
+/// Most shapes of a mesh: importers and viewers keep a list entry for each.
 const MOST_SHAPES: usize = 256;
-/// Triangles and vertices of a simplified blade: a quadrilateral.
+/// Triangles of a simplified blade: a quadrilateral.
 const BLADE_TRIANGLES: usize = 2;
+/// Vertices of a simplified blade.
 const BLADE_VERTICES: usize = 4;
-/// Bytes of a vertex beside its targets: position, normal, tangent, texture coordinates, indices of its triangles; the target that hides it.
+/// Bytes of a vertex without the targets of shapes: position, normal, tangent and texture coordinates; indices of its
+/// triangles; its entry in the target that hides all parts.
 const VERTEX_BYTES: usize = 48 + 6 + 12;
+/// As [`VERTEX_BYTES`], for quantized vertices.
 const QUANTIZED_VERTEX_BYTES: usize = 20 + 6 + 12;
-/// For estimates: share, as numerator and denominator, of the shapes of a clip and [`TARGETS_BESIDE`] more in which a leaf instance is
-/// held. Own: birches of 10 to 20 years and oaks of 8 and 20 years over 8 to 120 frames take 0.92 to 1.12 times what follows.
+/// For estimates: share, as numerator and denominator, of the targets that contain a leaf instance, out of the shapes of
+/// the clip plus [`TARGETS_BESIDE`]. Own: birches of 10 to 20 years and oaks of 8 and 20 years over 8 to 120 frames take
+/// 0.92 to 1.12 times the estimated bytes.
 const SHARE_OF_TARGETS: [u64; 2] = [4, 17];
+/// See [`SHARE_OF_TARGETS`].
 const TARGETS_BESIDE: u64 = 6;
-/// Largest angle, rad, by which a leaf turns between two shapes as the same blade. Own: corners that move linearly shrink it to half of
-/// its area in between, as another blade that replaces it would.
+/// Largest angle, rad, by which a leaf may turn between two shapes and still be the same blade. Own: at this angle the
+/// linear motion of its corners halves its area in between, as replacing it by another blade would.
 const LARGEST_TURN: f32 = std::f32::consts::FRAC_PI_2;
 /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
 const MOST_GROWTH: f32 = 3.0;
-/// A leaf that moves farther between two shapes, as a share of the diagonal of the plant's box, is another leaf of the same
-/// instance.
+/// Longest move of a leaf between two shapes, as a share of the diagonal of the plant's box; a leaf that moves farther
+/// counts as another leaf of the same instance.
 const LONGEST_MOVE: f32 = 0.1;
 
 /// One leaf in one shape.
 #[derive(Debug, Clone, Copy)]
 struct RecordedLeaf {
-    /// Hash of the seed and the leaf's id: those of the smallest keys are written.
+    /// Hash of the seed and the leaf's id: the leaves with the smallest keys are written.
     key: u64,
-    /// Index of the instancer in the asset, and of the instance in it.
+    /// Index of the instancer in the asset, and index of the instance in the instancer.
     id: [u32; 2],
-    /// How often the instance has become alive: each time it is another leaf.
+    /// Number of times that the instance has become alive: each time it is another leaf.
     life: u32,
-    /// In the space of the asset.
+    /// Transform to the space of the asset.
     place: Trs,
 }
 
 /// The leaves of one frame.
 #[derive(Debug, Default)]
 struct RecordedShape {
-    /// Number of leaves that are alive.
+    /// Number of live leaves.
     alive: usize,
-    /// Those of the smallest keys, by rising key.
+    /// The live leaves with the smallest keys, sorted by key.
     leaves: Vec<RecordedLeaf>,
 }
 
 impl RecordedShape {
-    /// The leaves of the smallest keys, at most `most`.
+    /// The leaves with the smallest keys, at most `most`.
     fn first(&self, most: usize) -> &[RecordedLeaf] {
         &self.leaves[..most.min(self.leaves.len())]
     }
 
-    /// Factor on the size of the first `most` leaves with which they have the area of all, as area grows with the square of
-    /// the size; 1 to [`MOST_GROWTH`].
+    /// Factor on the size of the first `most` leaves with which they cover the area of all; area grows with the square
+    /// of the size. 1 to [`MOST_GROWTH`].
     fn growth(&self, most: usize) -> f32 {
         let ratio = self.alive as f64 / self.first(most).len().max(1) as f64;
         math::narrow(math::sqrt(ratio)).clamp(1.0, MOST_GROWTH)
     }
 }
 
-/// Numbers of leaves and shapes that the options allow.
+/// Limits that the options set to leaves and shapes.
 #[derive(Debug, Clone, Copy)]
 struct LeafBudget {
-    /// Interval of the recorded frames before any are left out, and the largest one.
+    /// Interval of the recorded frames before any are left out, then the largest interval.
     strides: [usize; 2],
-    /// Bytes of a vertex beside its targets, and of a vertex of a target.
+    /// Bytes of a vertex without the targets of shapes.
     vertex: usize,
+    /// Bytes of a vertex in a target.
     entry: usize,
-    /// Most bytes in the file, and in the memory of a program.
+    /// Most bytes in the file.
     file: usize,
+    /// Most bytes in the memory of the program that reads the file.
     memory: usize,
-    /// Bytes of a vertex of a target in that memory.
+    /// Bytes that a program's memory takes for a vertex of a target.
     memory_point: usize,
 }
 
@@ -122,11 +133,11 @@ struct LeafBudget {
 pub(super) struct LeafShapes {
     /// Indices of the recorded frames, increasing.
     frames: Vec<usize>,
-    /// One for each of `frames`.
+    /// Leaves of each of `frames`.
     shapes: Vec<RecordedShape>,
-    /// The last frame, if it is not a recorded one.
+    /// Leaves of the last frame, if that frame is not recorded.
     waiting: Option<RecordedShape>,
-    /// Number of frames so far.
+    /// Number of frames taken so far.
     seen: usize,
     /// Interval of the recorded frames.
     stride: usize,
@@ -135,15 +146,16 @@ pub(super) struct LeafShapes {
     /// For each instancer and instance how often it has become alive, and whether it is.
     lives: Vec<Vec<(u32, bool)>>,
     budget: LeafBudget,
-    /// Most leaves of a shape that are recorded.
+    /// Most leaves that are recorded per shape.
     most_recorded: usize,
-    /// Of the scene, which the keys depend on.
+    /// Seed of the scene, on which the keys depend.
     seed: u64,
 }
 
 /// The leaves of a plant as a mesh that morphs.
 pub(super) struct LeafMesh {
-    /// The blades as in the shape that has most leaves; those that are points then as they are when they are seen last.
+    /// The blades as in the shape with the most leaves; a blade that is hidden there as in the last shape in which it
+    /// is visible.
     pub mesh: Mesh,
     /// Indices of the frames of which there are shapes, increasing.
     pub frames: Vec<usize>,
@@ -151,16 +163,18 @@ pub(super) struct LeafMesh {
     pub parts: HiddenParts,
     /// Number of frames of the clip.
     pub all_frames: usize,
-    /// Largest number of leaves that are alive in a shape, and largest factor by which those written are enlarged.
+    /// Largest number of live leaves in a shape.
     pub most_alive: usize,
+    /// Largest factor by which written leaves are enlarged.
     pub most_growth: f32,
 }
 
 impl LeafMesh {
-    /// How many leaves are written, in how many shapes, and how large where that is a part of them.
+    /// Text of a message: how many leaves are written, in how many shapes, and how much they are enlarged if some are
+    /// left out.
     pub(super) fn words(&self, label: &str) -> String {
         let Self { frames, all_frames, most_alive, most_growth, .. } = self;
-        // Up to this factor two decimals show 1.
+        // Factors below this are shown as 1 with two decimals.
         let enlarged = if *most_growth < 1.005 {
             String::new()
         } else {
@@ -182,7 +196,7 @@ struct Run {
     life: u32,
     /// Index of its first shape.
     first: usize,
-    /// Its places in consecutive shapes; not empty.
+    /// Transforms of the leaf in consecutive shapes; not empty.
     places: Vec<Trs>,
 }
 
@@ -192,7 +206,7 @@ impl Run {
         self.first + self.places.len()
     }
 
-    /// Its place in a shape: a point before its first and after its last one.
+    /// Transform of the leaf in a shape; before the first and after the last shape of the run, scaled to a point.
     fn place(&self, shape: usize) -> Trs {
         let last = self.places.len() - 1;
         let k = shape.saturating_sub(self.first).min(last);
@@ -208,7 +222,7 @@ struct Blade<'a> {
 }
 
 impl LeafShapes {
-    /// `None` for an asset whose moving leaves are few enough for a node each, or none.
+    /// `None` if the asset has no growing leaves, or few enough moving instances for a node each.
     pub(super) fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Option<Self> {
         let held: Vec<bool> = asset.instancers.iter().map(|i| is_growing_foliage(asset, i, &scene.materials)).collect();
         let leaves: usize = asset.instancers.iter().zip(&held).filter(|(_, held)| **held).map(|(i, _)| i.len()).sum();
@@ -243,7 +257,7 @@ impl LeafShapes {
         self.record(leaves);
     }
 
-    /// Takes the leaves of the next frame: they are recorded, or wait for the end of the clip.
+    /// Takes the leaves of the next frame: records them, or holds them back in case the clip ends with this frame.
     fn record(&mut self, leaves: RecordedShape) {
         if self.seen.is_multiple_of(self.stride) {
             self.frames.push(self.seen);
@@ -260,13 +274,13 @@ impl LeafShapes {
     /// leaves of each, which bounds the memory.
     fn thin_out(&mut self) {
         let LeafBudget { strides: [_, longest], entry, file, .. } = self.budget;
-        // Beside the shapes of a leaf there are those in which it is a point.
+        // A leaf also has entries in shapes in which it is a point: about a third more.
         let bytes_of = |shapes: &[RecordedShape]| {
             shapes.iter().map(|shape| shape.leaves.len()).sum::<usize>() * BLADE_VERTICES * entry * 4 / 3
         };
         while self.stride * 2 <= longest && bytes_of(&self.shapes) > file {
             self.stride *= 2;
-            // The last frame so far may be that of the clip.
+            // The last frame so far may be the last of the clip: hold it back instead of dropping it.
             if self.frames.last().is_some_and(|last| *last + 1 == self.seen && !last.is_multiple_of(self.stride)) {
                 self.waiting = self.shapes.pop();
                 self.frames.pop();
@@ -276,7 +290,7 @@ impl LeafShapes {
             self.shapes.retain(|_| frames.next().is_some_and(|frame| frame.is_multiple_of(stride)));
             self.frames.retain(|frame| frame.is_multiple_of(stride));
         }
-        // More leaves than the budget holds: some shapes have few of them.
+        // Keep leaves for twice the budget, because some shapes have few of them.
         while self.most_recorded > 1 && bytes_of(&self.shapes) > file.saturating_mul(2) {
             let largest = self.shapes.iter().map(|shape| shape.leaves.len()).max().unwrap_or(1);
             self.most_recorded = (largest - largest / 8 - 1).max(1);
@@ -295,7 +309,7 @@ impl LeafShapes {
         }
     }
 
-    /// The leaves of the smallest keys that are alive at a frame: no more than there may be blades.
+    /// The live leaves with the smallest keys at a frame, at most as many as may be recorded.
     fn leaves_at(&mut self, asset: &Asset, frame: &AssetFrame) -> RecordedShape {
         let mut leaves: Vec<RecordedLeaf> = Vec::new();
         let instancers = asset.instancers.iter().zip(&mut self.lives).zip(&self.held).enumerate();
@@ -321,7 +335,7 @@ impl LeafShapes {
         if alive > most {
             leaves.select_nth_unstable_by_key(most, by_key);
             leaves.truncate(most);
-            // Shapes are held until the end of the clip, each with room for all leaves otherwise.
+            // Shapes are held until the end of the clip: free the memory of the leaves that were cut off.
             leaves.shrink_to_fit();
         }
         leaves.sort_unstable_by_key(by_key);
@@ -334,7 +348,7 @@ impl LeafShapes {
     pub(super) fn mesh(&self, asset: &Asset, label: &str) -> Result<Option<LeafMesh>> {
         let places = self.shapes.iter().flat_map(|shape| shape.leaves.iter().map(|leaf| leaf.place.t));
         let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
-        // Which leaves are written, and by which blade each of them is shown in its life.
+        // Determine which leaves are written, and which blade shows each of them.
         let simple = simple_blades(asset, label)?;
         let most = self.most_at_once(longest, asset, &simple);
         let runs = self.runs(most, longest);
@@ -342,7 +356,7 @@ impl LeafShapes {
         let full = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)).unwrap_or(0);
         let (mut mesh, mut hidden) = (Mesh::default(), Vec::new());
         let mut shapes: Vec<ShownVertices> = self.shapes.iter().map(|_| ShownVertices::default()).collect();
-        // At rest a blade has its place in the fullest shape, or in the nearest one in which it is seen.
+        // At rest a blade has the place that it has in the fullest shape, or, if it is hidden there, in its last run.
         for blade in &blades {
             let at_rest = blade.runs.iter().find(|run| (run.first..run.end()).contains(&full)).or(blade.runs.last());
             let Some(run) = at_rest else { continue };
@@ -361,7 +375,8 @@ impl LeafShapes {
                     .collect(),
                 ..blade.mesh.clone()
             });
-            // It is a point at its foot where it is not seen, and at its place in the shapes of its runs and those beside them.
+            // A blade is a point at its foot where it is hidden; targets contain it in the shapes of its runs and in
+            // those next to them.
             hidden.extend(blade.mesh.points.iter().map(|_| place.t));
             for run in &blade.runs {
                 for k in run.first.saturating_sub(1)..=run.end().min(self.shapes.len() - 1) {
@@ -385,12 +400,12 @@ impl LeafShapes {
         }))
     }
 
-    /// The largest number of leaves in a shape with which all runs are within the budget: shapes with fewer have all of their
-    /// leaves. `simple`: per instancer and prototype.
+    /// The largest number of leaves per shape for which all runs fit into the budget; shapes with fewer leaves keep all
+    /// of them. `simple`: blades per instancer and prototype.
     fn most_at_once(&self, longest: f32, asset: &Asset, simple: &[Vec<Mesh>]) -> usize {
         let largest = self.shapes.iter().map(|shape| shape.leaves.len()).max().unwrap_or(0);
         let (mut low, mut high) = (1, largest.max(1));
-        // All leaves, if they fit; else bisection, since with more leaves in each shape there are more runs.
+        // Try all leaves first, then bisect, since more leaves in each shape give more runs.
         let mut middle = high;
         while low < high {
             let runs = self.runs(middle, longest);
@@ -410,7 +425,7 @@ impl LeafShapes {
         let (mut bytes, mut vertices) = (0_usize, 0_usize);
         for blade in blades {
             let points = blade.mesh.points.len();
-            // Beside the shapes in which a leaf is seen it has one as a point where it appears, and one where it disappears.
+            // In addition to the shapes of its run, a leaf is a point in one shape before and one after.
             let shapes: usize = blade.runs.iter().map(|run| run.places.len() + 2).sum();
             vertices += points;
             bytes += points * (vertex + entry * shapes);
@@ -418,8 +433,8 @@ impl LeafShapes {
         bytes <= file && vertices.saturating_mul(memory_point).saturating_mul(self.shapes.len()) <= memory
     }
 
-    /// The runs of leaves by first shape, id and life, with at most `most` leaves in each shape, which are enlarged to cover the area of
-    /// all. `longest`: distance, m, beyond which a leaf is another one.
+    /// Runs of the leaves, sorted by first shape, id and life. Each shape contributes at most `most` leaves, enlarged
+    /// to cover the area of all. `longest`: distance, m, beyond which a leaf counts as another one.
     fn runs(&self, most: usize, longest: f32) -> Vec<Run> {
         let mut list: Vec<([u32; 2], usize, u32, Trs)> = Vec::new();
         for (k, shape) in self.shapes.iter().enumerate() {
@@ -443,10 +458,10 @@ impl LeafShapes {
         runs
     }
 
-    /// The fewest blades that show all runs. `simple`: per instancer and prototype.
+    /// The fewest blades that show all runs. `simple`: blades per instancer and prototype.
     fn blades<'a>(&self, runs: &'a [Run], asset: &Asset, simple: &'a [Vec<Mesh>]) -> Vec<Blade<'a>> {
         let mut blades: Vec<Blade<'a>> = Vec::new();
-        // For each instancer and prototype its blades that show no leaf.
+        // For each instancer and prototype, its blades that show no leaf at the moment.
         let mut free: BTreeMap<(usize, usize), FreeBlades> = BTreeMap::new();
         for run in runs {
             let [n, i] = run.id.map(|k| k as usize);
@@ -454,7 +469,8 @@ impl LeafShapes {
             let proto = *proto as usize;
             let Some(mesh) = simple.get(n).and_then(|list| list.get(proto)) else { continue };
             let heap = free.entry((n, proto)).or_default();
-            // It is a point in the shape before its first one, and goes there in an interval at both ends of which it is one.
+            // A blade is free if it is a point from the end of its last run to the shape before this one, and moves in
+            // between.
             let is_free = |Reverse((end, _)): &&Reverse<(usize, usize)>| *end + 1 < run.first;
             let blade = match heap.peek().filter(is_free).map(|Reverse((_, blade))| *blade) {
                 Some(blade) => {
@@ -473,19 +489,19 @@ impl LeafShapes {
     }
 }
 
-/// Blades by the shape in which each is a point after its last run, the first one on top, and by their index.
+/// Free blades, as the shape after the last run of each and the index of the blade; the one that ended first is on top.
 type FreeBlades = BinaryHeap<Reverse<(usize, usize)>>;
 
-/// Whether corners that move linearly from one place of a leaf to another keep more of the area of a blade than a blade that disappears and
-/// one that appears, and the places are at most `longest` apart, m.
+/// Whether the leaf moves by at most `longest`, m, and turns so little that a blade whose corners move linearly keeps
+/// more of its area in between than one blade that disappears while another appears.
 fn keeps_its_area(from: &Trs, to: &Trs, longest: f32) -> bool {
     from.t.distance(to.t) <= longest && rotation_angle(from.r, to.r) <= LARGEST_TURN
 }
 
-/// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip. A plant that
-/// grows has no joints, and all of its instancers are free; in the rain those of leaves with maps are free as well.
+/// Whether the instances of an instancer are leaves that growth moves, with constant colours over the clip. A growing
+/// plant has no joints and only free instancers; in rain, the instancers of leaves with maps are free as well.
 fn is_growing_foliage(asset: &Asset, instancer: &Instancer, materials: &[Material]) -> bool {
-    // Twigs of needles have some wood.
+    // Twigs of needles contain some wood.
     let is_leaf = |mesh: &Mesh| area_of_bark(mesh, materials) < 0.5 * area(mesh);
     asset.kind == AssetKind::Plant
         && asset.skeleton.is_none()
@@ -501,14 +517,14 @@ fn area_of_bark(mesh: &Mesh, materials: &[Material]) -> f64 {
     bark.flat_map(|s| mesh.subset_triangles(s)).map(|t| triangle_area(mesh, t)).sum()
 }
 
-/// A simple blade for each prototype of each instancer, with the area of the full one.
+/// A simple blade for each prototype of each instancer, with the visible area of the full leaf.
 fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
     let blade = |p: &Prototype| enlarged_blade(&p.mesh, BLADE_TRIANGLES, MOST_GROWTH, label);
     let of_instancer = |i: &Instancer| i.prototypes.iter().map(blade).collect();
     asset.instancers.iter().map(of_instancer).collect()
 }
 
-/// Leaves and shapes that the options allow for `frames` frames.
+/// Limits to leaves and shapes that the options set for `frames` frames.
 fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
     let intervals = frames.saturating_sub(1).max(1);
     let shortest = intervals.div_ceil(MOST_SHAPES - 1);

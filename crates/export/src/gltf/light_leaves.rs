@@ -49,7 +49,7 @@ impl<'a> LightLeaves<'a> {
             for instancer in simple.instancers.iter_mut().filter(|i| is_merged(i)) {
                 for prototype in &mut instancer.prototypes {
                     let label = format!("asset {}, prototype {}", asset.id, prototype.name);
-                    // Each leaf gives up the same share of its bytes.
+                    // Each leaf is reduced to the same share of its bytes.
                     let share = mesh_bytes(&prototype.mesh).saturating_mul(options.leaf_bytes) / full;
                     let most = triangles_within(share);
                     prototype.mesh = light_leaf(&prototype.mesh, limit(most), &label)?;
@@ -75,7 +75,8 @@ impl<'a> LightLeaves<'a> {
     }
 }
 
-/// Estimated bytes of the merged leaves of an asset, from their vertices and triangles at full detail. `instances`: their number.
+/// Estimated bytes of the merged leaves of an asset, from their vertices and triangles at full detail. `instances`:
+/// number of leaves.
 pub(super) fn estimate(vertices: u64, triangles: u64, instances: u64, options: &GltfOptions) -> u64 {
     let full = vertices * VERTEX_BYTES + triangles * TRIANGLE_BYTES;
     if options.profile != Profile::Blender {
@@ -98,7 +99,7 @@ fn mesh_bytes(mesh: &Mesh) -> u64 {
     mesh.points.len() as u64 * VERTEX_BYTES + mesh.triangles.len() as u64 * TRIANGLE_BYTES
 }
 
-/// Bytes of all living instances as copies of their prototypes.
+/// Bytes of all live instances as copies of their prototypes.
 fn merged_bytes(instancer: &Instancer) -> u64 {
     sum_over_instances(instancer, mesh_bytes)
 }
@@ -107,7 +108,7 @@ fn merged_triangles(instancer: &Instancer) -> u64 {
     sum_over_instances(instancer, |mesh| mesh.triangles.len() as u64)
 }
 
-/// Sum over the living instances of a number of their prototypes.
+/// Sum over the live instances of a number that `of` gives for their prototypes.
 fn sum_over_instances(instancer: &Instancer, of: impl Fn(&Mesh) -> u64) -> u64 {
     let numbers: Vec<u64> = instancer.prototypes.iter().map(|p| of(&p.mesh)).collect();
     let living = (0..instancer.len()).filter(|i| instancer.rest.is_alive(*i));

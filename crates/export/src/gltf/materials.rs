@@ -60,7 +60,8 @@ impl GltfDocument<'_> {
         };
         // The factor multiplies vertex colours, too, so it is left at white for points that have colours.
         let factor_is_white = maps.color.is_some() || variant.geometry == GeometryKind::ColoredPoints;
-        // A factor multiplies its texture, so beside a texture it is 1; values that equal the schema's default are omitted.
+        // A factor multiplies its texture, so it is 1 if there is one; values that equal the schema's default are
+        // omitted.
         let [r, g, b] = source.base_color;
         let rough = if maps.roughness.is_some() { 1.0 } else { source.roughness };
         let pbr_metallic_roughness = Pbr {
@@ -96,7 +97,7 @@ impl GltfDocument<'_> {
     /// colour.
     fn translucent_extensions(&mut self, source: &osier_scene::Material) -> Result<MaterialExtensions> {
         self.use_extension("KHR_materials_diffuse_transmission", false);
-        // As with the base colour, the factor stays at its default of 1 beside a texture.
+        // As with the base colour, the factor stays at its default of 1 if there is a texture.
         let textured = source.maps.color.is_some();
         Ok(MaterialExtensions {
             diffuse_transmission: Some(DiffuseTransmission {

@@ -31,14 +31,14 @@ pub(super) struct Vertices<'a> {
     pub colors: Cow<'a, [[f32; 4]]>,
     pub attributes: Cow<'a, [Attribute]>,
     pub skin: Option<SkinInfluences>,
-    /// Whether the primitive has morph targets, whose order of vertices is that of the mesh.
+    /// Whether the primitive has morph targets, whose vertices are in the order of the mesh.
     pub morphs: bool,
     /// The cube of quantized positions; `None` stores metres.
     pub cube: Option<QuantizedCube>,
 }
 
 impl Vertices<'_> {
-    /// The vertices of these indices, in this order.
+    /// The vertices with these indices, in this order.
     fn gather(&self, indices: &[u32]) -> Self {
         fn pick<T: Copy>(all: &[T], indices: &[u32]) -> Vec<T> {
             indices.iter().filter_map(|i| all.get(*i as usize)).copied().collect()
@@ -82,24 +82,24 @@ pub(super) struct MeshSource<'a> {
     pub skin: Option<&'a SkinInfluences>,
     /// Morph targets with their names; empty for a mesh that does not morph.
     pub shapes: &'a [(String, &'a MorphShape)],
-    /// Morph targets, in place of `shapes`, of a mesh of which parts are hidden.
+    /// Morph targets of a mesh with hidden parts, in place of `shapes`.
     pub parts: Option<PartTargets<'a>>,
     /// The cube of quantized positions that meshes of a skin share; `None`: a cube around this mesh.
     pub cube: Option<QuantizedCube>,
 }
 
 impl<'a> MeshSource<'a> {
-    /// A mesh without skin and morph targets, in a cube of its own. `label`: asset and element, for errors.
+    /// A mesh without skin and morph targets, with a separate cube. `label`: asset and element, for errors.
     pub(super) fn of(name: &'a str, label: &'a str, mesh: &'a Mesh) -> Self {
         Self { name, label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[], parts: None, cube: None }
     }
 }
 
-/// Morph targets of a mesh of which parts are hidden: the first hides all parts, the others are differences from it.
+/// Morph targets of a mesh with hidden parts: the first hides all parts, the others are differences from it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PartTargets<'a> {
     pub hidden: &'a HiddenParts,
-    /// Indices of the shapes that have a target, and its name.
+    /// Index of each shape that has a target, and name of the target.
     pub written: &'a [(usize, String)],
 }
 
@@ -120,7 +120,8 @@ impl GltfDocument<'_> {
     /// Adds a mesh with a primitive for each material; `None` if it has no triangles.
     pub(super) fn add_mesh(&mut self, mesh_source: MeshSource<'_>) -> Result<Option<StoredMesh>> {
         let mut primitives = Vec::new();
-        // The cube of a mesh that morphs holds all of its shapes: no difference of two of them is longer than its edge.
+        // The cube of a mesh that morphs contains all of its shapes, so that no difference between two shapes exceeds
+        // its edge.
         let shapes = mesh_source.shapes.iter().flat_map(|(_, shape)| &shape.points);
         let parts = mesh_source.parts.iter().flat_map(|p| {
             let shown = p.written.iter().filter_map(|(k, _)| p.hidden.shapes.get(*k)).flat_map(|s| &s.points);
@@ -160,7 +161,7 @@ impl GltfDocument<'_> {
         if let Some(parts) = mesh_source.parts {
             target_names =
                 [HIDDEN.to_owned()].into_iter().chain(parts.written.iter().map(|(_, name)| name.clone())).collect();
-            // Readers without animation show the shape in which most is seen.
+            // Readers without animation show the shape with the most visible parts.
             let fullest = parts.hidden.fullest();
             weights = [1.0]
                 .into_iter()
@@ -194,7 +195,8 @@ impl GltfDocument<'_> {
         triangles: &[[u32; 3]],
         variant: MaterialVariant,
     ) -> Result<Primitive> {
-        // Streams are shorter in the order in which triangles use their vertices. Targets are in the order of the mesh.
+        // Compressed streams are shorter in the order in which triangles use their vertices. Targets keep the order of
+        // the mesh.
         let (ordered_vertices, ordered_triangles);
         let (vertices, triangles) = if self.input.options.compresses() && !vertices.morphs {
             let (list, old) = meshopt::reorder(triangles, vertices.points.len())?;
@@ -205,7 +207,7 @@ impl GltfDocument<'_> {
         };
         let label = vertices.label;
         let count = vertices.points.len();
-        // Without a cube the differences of morph targets are floats, and so is what they are added to.
+        // Without a cube the differences of morph targets are floats, and so are the positions that they are added to.
         let storage = match vertices.cube {
             None if vertices.morphs => VertexStorage::Floats,
             _ => self.input.options.vertex_storage(),
@@ -259,8 +261,8 @@ impl GltfDocument<'_> {
                 attributes.second_uv = Some(self.buffer.add_vertex_vec2s(pairs, label)?);
                 continue;
             }
-            // Blender's importer mixes up attributes of unlike width and then fails: all that are written have four numbers.
-            // Attribute numbers lie in [0, 1]: 16 bits hold them within 1 / 131070.
+            // Blender's importer fails on attributes of different widths: all attributes that are written have four
+            // numbers. They lie in [0, 1]: 16 bits store them within 1 / 131070.
             let quads = match &a.data {
                 AttributeData::Unit4(v) => self.buffer.add_colors(v.iter().copied())?,
                 AttributeData::Unit2(v) => self.buffer.add_colors(v.iter().map(|[x, y]| [*x, *y, 0.0, 0.0]))?,
@@ -316,7 +318,7 @@ impl GltfDocument<'_> {
         Ok(targets)
     }
 
-    /// The morph targets of a primitive of which parts are hidden.
+    /// The morph targets of a primitive with hidden parts.
     fn part_targets(
         &mut self,
         PartTargets { hidden: parts, written }: PartTargets<'_>,
@@ -325,7 +327,8 @@ impl GltfDocument<'_> {
     ) -> Result<Vec<MorphTarget>> {
         let hidden = submesh.gather(&parts.hidden);
         let turns = base.normals.len() == base.points.len() && parts.has_normals();
-        // As floats, from the places that quantized points have: vertices of a part then meet, and no speck of it is left.
+        // Store the target that hides all parts as floats, relative to the quantized points: the vertices of a part
+        // then coincide exactly, and no speck of it stays visible.
         let way = |(h, b): (&Vec3, &Vec3)| base.cube.map_or(*h - *b, |cube| cube.shares(*h) - cube.stored(*b));
         let to_hidden: Vec<Vec3> = hidden.iter().zip(base.points.iter()).map(way).collect();
         let position = self.buffer.add_positions(&to_hidden, base.label)?;
@@ -350,7 +353,7 @@ impl GltfDocument<'_> {
         Ok(targets)
     }
 
-    /// Differences of positions at the rising `indices` of a primitive; all others are zeros.
+    /// Differences of positions at the increasing `indices` of a primitive; all others are zero.
     fn target_positions(&mut self, indices: &[u32], values: &[Vec3], base: &Vertices<'_>) -> Result<Index> {
         let (count, label) = (base.points.len(), base.label);
         match (base.cube, self.is_dense(indices.len(), count)) {
@@ -361,7 +364,7 @@ impl GltfDocument<'_> {
         }
     }
 
-    /// As [`Self::target_positions`], of normals.
+    /// Differences of normals, as [`Self::target_positions`].
     fn target_normals(&mut self, indices: &[u32], values: &[Vec3], base: &Vertices<'_>) -> Result<Index> {
         let (count, label) = (base.points.len(), base.label);
         if self.is_dense(indices.len(), count) {
@@ -371,8 +374,8 @@ impl GltfDocument<'_> {
         self.buffer.add_sparse_vectors(indices, values, count, label)
     }
 
-    /// Whether a target of `held` of `count` vertices is shorter with zeros for the others than with the indices of those that it
-    /// holds. Compression makes zeros short, and packs no indices.
+    /// Whether a target with `held` of `count` vertices is shorter as a dense list with zeros than as a sparse one with
+    /// indices. Compression shortens zeros, but not indices.
     fn is_dense(&self, held: usize, count: usize) -> bool {
         self.input.options.compresses() || held * (VECTOR_BYTES + INDEX_BYTES) > count * VECTOR_BYTES
     }
@@ -411,12 +414,12 @@ impl GltfDocument<'_> {
     }
 }
 
-/// The vertices of a submesh that a shape holds: their indices in the submesh, and in the lists of the shape.
+/// The vertices of a submesh that a shape contains: their indices in the submesh, and in the lists of the shape.
 fn indices_in(submesh: &Submesh<'_>, shown: &ShownVertices) -> (Vec<u32>, Vec<usize>) {
     let Some(vertices) = &submesh.vertices else {
         return (shown.indices.clone(), (0..shown.indices.len()).collect());
     };
-    // Both lists rise.
+    // Both lists are increasing.
     let mut own = (0_u32..).zip(vertices).peekable();
     let mut found = (Vec::new(), Vec::new());
     for (n, i) in shown.indices.iter().enumerate() {
@@ -429,7 +432,7 @@ fn indices_in(submesh: &Submesh<'_>, shown: &ShownVertices) -> (Vec<u32>, Vec<us
     found
 }
 
-/// A list of `count` vectors that has `values` at `indices` and zeros elsewhere.
+/// A list of `count` vectors: `values` at `indices`, zeros elsewhere.
 fn spread(indices: &[u32], values: &[Vec3], count: usize) -> Vec<Vec3> {
     let mut all = vec![Vec3::ZERO; count];
     for (i, value) in indices.iter().zip(values) {
@@ -440,7 +443,8 @@ fn spread(indices: &[u32], values: &[Vec3], count: usize) -> Vec<Vec3> {
     all
 }
 
-/// The joints of vertices whose weights are stored as bytes: joint 0 where a weight rounds to 0, as unused places must have.
+/// The joints of vertices whose weights are stored as bytes: joint 0 where a weight rounds to 0, as glTF requires for
+/// unused slots.
 fn joints_of_byte_weights(skin: &SkinInfluences) -> Vec<[u16; 4]> {
     let used = |(joints, weights): (&[u16; 4], &[f32; 4])| {
         let bytes = byte_weights(weights);

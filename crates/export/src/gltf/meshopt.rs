@@ -1,7 +1,7 @@
 //! EXT_meshopt_compression: vertices, triangles and keys of a finished document as compressed streams.
 //!
-//! The document is built as without it. Then each buffer view whose bytes are a stream is encoded: its compressed bytes go to
-//! buffer 0, and the view itself refers to buffer 1, which has a length but no bytes.
+//! The document is built as it would be without compression. Then each buffer view whose bytes are a stream is encoded:
+//! its compressed bytes go to buffer 0, and the view itself refers to buffer 1, which has a length but no bytes.
 
 use meshoptimizer_rs::codec::{
     ExpMode, IndexEncoding, VertexEncoding, encode_filter_exp, encode_filter_quat, encode_index_buffer,
@@ -17,9 +17,9 @@ use osier_base::{Error, Result};
 /// Largest rounding error of translations of keys and instances, m. Own: a fifth of a millimetre is not seen, and plants of a few
 /// metres need no more than [`MIN_VECTOR_BITS`] for it. Smaller values make files larger.
 const VECTOR_TOLERANCE: f32 = 2e-4;
-/// Bits of a component of a vector, at least: a relative error of 3e-5, for scales.
+/// Least number of bits of a component of a vector: a relative error of 3e-5, for scales.
 const MIN_VECTOR_BITS: u32 = 15;
-/// Bits of a component of a vector, at most: those of a float.
+/// Largest number of bits of a component of a vector: those of a float.
 const MAX_VECTOR_BITS: u32 = 24;
 impl Stream {
     /// Encodes `count` elements with the codec and filter of this kind of stream.
@@ -115,7 +115,7 @@ pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> R
         };
         view.extensions = Some(ViewExtensions { meshopt });
         view.buffer = 1;
-        // In the fallback buffer views lie as their decoded bytes would.
+        // Views are laid out in the fallback buffer as their decoded bytes would be.
         view.byte_offset = decoded_length;
         decoded_length = (decoded_length + view.byte_length).next_multiple_of(4);
         out.extend_from_slice(&encoded);
@@ -125,15 +125,15 @@ pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> R
     Ok((decoded_length > 0).then_some(Buffer { uri: None, byte_length: decoded_length, extensions: Some(fallback) }))
 }
 
-/// Triangles in an order that reuses vertices soon, and vertices in the order of their first use: streams in these orders are
-/// shorter, and drawing them is faster. The second list has for each new vertex its old index.
+/// Reorders triangles so that vertices are reused soon, and vertices by first use: streams in these orders are shorter,
+/// and drawing them is faster. The second list contains the old index of each new vertex.
 pub(super) fn reorder(triangles: &[[u32; 3]], vertices: usize) -> Result<(Vec<[u32; 3]>, Vec<u32>)> {
     let mut workspace = workspace();
     let cached = optimize_vertex_cache(triangles.as_flattened(), vertices, &mut workspace).map_err(|e| refused(&e))?;
     let fetch = optimize_vertex_fetch_remap(&cached, vertices, &mut workspace).map_err(|e| refused(&e))?;
     let mut old = vec![0_u32; fetch.vertex_count];
     for (from, to) in (0_u32..).zip(&fetch.remap) {
-        // A vertex of no triangle has no new index.
+        // A vertex that no triangle uses has no new index.
         if let Some(slot) = old.get_mut(*to as usize) {
             *slot = from;
         }

@@ -97,8 +97,9 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     job.options.gltf_profiles.iter().map(open).collect()
 }
 
-/// Bytes of all PNG images of a scene, height maps included, per byte of the JPEGs in glTF, which has none of these. Own: measured on
-/// presets as 4.9 to 5.7, more where a plant wears little of its pictures; only estimates use it.
+/// Ratio of the bytes of all PNG images of a scene, height maps included, to those of the JPEG images in its glTF file,
+/// which has no height maps. Own: measured on presets as 4.9 to 5.7, more where a plant uses little of its pictures;
+/// for estimates only.
 const JPEG_RATIO: u64 = 5;
 
 /// Size of floating-point vertices and triangles divided by their compressed size, percent. Own: measured on leaves and bark.
@@ -106,8 +107,9 @@ const MESHOPT_RATIO_PERCENT: u64 = 350;
 /// Bytes of a compressed instance, which has 32 without compression. Own: measured on leaves of birches and oaks.
 const MESHOPT_INSTANCE_BYTES: u64 = 18;
 
-/// Bytes of a vertex for the attributes by which shaders sway copies that stand, and of these after compression. Own: measured.
+/// Bytes per vertex of the attributes by which shaders sway copies that are written at rest. Own: measured.
 const WIND_BYTES: u64 = 32;
+/// As [`WIND_BYTES`], after compression.
 const MESHOPT_WIND_BYTES: u64 = 3;
 
 /// Estimate from bytes per vertex, triangle, instance and key in binary files, summed over the profiles.
@@ -123,20 +125,22 @@ fn estimate(input: &EstimateInput) -> u64 {
         let of_asset = |(a, standing): (&AssetSize, &u64)| {
             // A point's position is 12 bytes, its colour 16.
             let points = (a.points - a.moving_points) * 28;
-            // A plant that grows has bark with morph targets, and more leaves than nodes share a mesh with others.
+            // A growing plant has bark with morph targets; if it has more leaves than nodes are allowed, its leaves are
+            // one mesh that morphs.
             let morphs = most_nodes > 0 && a.joints == 0 && a.deforming_vertices > 0;
             let grows = morphs && a.free_instances > most_nodes;
             let (instances, instance_vertices, instance_triangles) =
                 if grows { (0, 0, 0) } else { (a.instances, a.instance_vertices, a.instance_triangles) };
             let of_profile = GltfOptions { profile: *profile, ..options.clone() };
             let triangles = a.triangles + instance_triangles;
-            // A plant that grows has no levels of detail.
+            // A growing plant has no levels of detail.
             let is_plant = !grows && (a.joints > 0 || a.instance_triangles > 0);
-            // Placements at rest have a mesh of their own, with attributes for shaders.
+            // Placements at rest share a separate mesh, with attributes for shaders.
             let meshes: u64 = if (1..a.placements).contains(standing) { 2 } else { 1 };
             let shaded = if *standing > 0 { a.vertices } else { 0 };
             let still = match profile {
-                // All levels together have a third more triangles than the finest; 80 bytes each with its vertices, measured.
+                // All levels together have a third more triangles than the finest; a triangle takes 80 bytes with its
+                // vertices, measured.
                 Profile::Engine if is_plant => triangles.min(options.level_triangles as u64) * 4 / 3 * 80,
                 Profile::Blender | Profile::Engine => {
                     // Points, normals, coordinates, tangents; bark has joints and weights as well.
@@ -152,10 +156,10 @@ fn estimate(input: &EstimateInput) -> u64 {
                     floats * 100 / MESHOPT_RATIO_PERCENT + shaded * MESHOPT_WIND_BYTES + transforms
                 }
                 Profile::Web => {
-                    // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A position is 8 bytes if
-                    // quantized, else 12; normals and tangents are 4 each, coordinates 8. Bark with joints has these and their
-                    // weights, 8 bytes, and some of it 16 of the shader's wind. Triangles are three u32 in large meshes, else three
-                    // u16. Both are measured on the presets.
+                    // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A vertex has a
+                    // position of 8 bytes if quantized, else 12, normal and tangent of 4 each, coordinates of 8. Bark
+                    // with joints adds joint indices and weights, 8 bytes, and some of it 16 of wind for shaders.
+                    // Triangles are three u32 in large meshes, else three u16. The totals are measured on the presets.
                     let vertex = if options.quantize { 24 } else { 28 };
                     let skinned = if a.joints > 0 { a.vertices * 12 } else { 0 };
                     let vertices =
@@ -164,7 +168,8 @@ fn estimate(input: &EstimateInput) -> u64 {
                     vertices + triangles + instances * (a.still_copies + standing) * 32
                 }
             };
-            // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
+            // The file of the scene has one set of tracks for each phase that has a skin; the file of an asset has one
+            // set.
             let nodes = if grows { 0 } else { a.free_instances.min(most_nodes) };
             let bark = if morphs {
                 tracks::estimate(a.deforming_vertices, a.deforming_meshes, input.frames, &of_profile)
@@ -177,7 +182,7 @@ fn estimate(input: &EstimateInput) -> u64 {
             // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
             let joints = if *profile == Profile::Engine { a.joints.min(options.joints as u64) } else { a.joints };
             let tracks = a.posed_frames(input.frames) * joints * 16 + nodes * input.frames * 44;
-            // Each file of profile engine has one skin, that of the web or of Blender one for each phase.
+            // Each file of profile engine has one skin; a file of the other profiles has one for each phase.
             let skins = if *profile == Profile::Engine { 1 } else { a.phases.min(options.skins as u64) };
             a.weight * (files * (still + points + shapes) + (skins + files - 1) * tracks)
         };
@@ -187,8 +192,9 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.options.gltf_profiles.iter().map(profile_bytes).sum()
 }
 
-/// By asset, the number of placements that sway in the scene but are written at rest, because the budget of skins is spent: plants
-/// with few placements get skins first. The placements at rest share one mesh, apart from that of the swaying ones.
+/// For each asset, the number of placements that would sway but are written at rest, because the budget of skins is
+/// used up: plants with few placements get skins first. The placements at rest share one mesh, separate from that of
+/// the swaying ones.
 fn standing_copies(input: &EstimateInput) -> Vec<u64> {
     let options = &input.options.gltf;
     let moves = input.frames > 0 && options.frame.is_none();
@@ -273,7 +279,7 @@ impl GltfExporter {
         }
         let stem = scene_stem(&scene.name, scene.assets.iter().map(|a| a.id.as_str()));
         match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
-            // The files of the assets have reported their joints (X002) already.
+            // The files of the assets have already reported their joints (X002).
             Ok(more) => {
                 let mut more = more.unwrap_or_default();
                 more.retain(|w| !self.options.assets || w.code != "X002");
@@ -390,8 +396,8 @@ impl Exporter for GltfExporter {
     }
 }
 
-/// X017 for moving point clouds, which glTF cannot animate, and for curves and meshes with more shapes than morph targets are
-/// possible: such curves are omitted, such meshes move with coarse keys.
+/// X017 for content that glTF cannot animate: moving point clouds, and curves and meshes with more shapes than morph
+/// targets are possible. Such curves are omitted; such meshes move with coarse keys.
 fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterator<Item = Warning> + 'a {
     let warning = |label: String, why: &str| Warning { code: "X017", message: format!("{label}: {why}") };
     scene.assets.iter().zip(&tracks.assets).flat_map(move |(asset, tracks)| {
@@ -443,7 +449,7 @@ fn percent_encode(path: &str) -> String {
         if b.is_ascii_alphanumeric() || b"-._~/".contains(&b) {
             out.push(char::from(b));
         } else {
-            // Byte by byte: a character beyond ASCII becomes one escape for each byte of its UTF-8 form, as RFC 3986 asks.
+            // Escape byte by byte: RFC 3986 requires an escape for each byte of a character's UTF-8 form.
             out.push_str(&format!("%{b:02X}"));
         }
     }

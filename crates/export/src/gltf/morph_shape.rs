@@ -1,4 +1,4 @@
-//! A shape of a mesh, as it is compared with others before it becomes a target.
+//! A shape of a mesh at a frame, compared with others before it becomes a morph target.
 
 use glam::Vec3;
 
@@ -7,17 +7,19 @@ use glam::Vec3;
 pub(super) struct MorphShape {
     pub points: Vec<Vec3>,
     pub normals: Vec<Vec3>,
-    /// Points that are not seen, which may lie anywhere; empty: all are seen.
+    /// Whether each point is hidden, so that its position does not matter; empty: all are visible.
     pub unseen: Vec<bool>,
 }
 
 impl MorphShape {
-    /// Whether all points that are seen lie within `tolerance`, m, of those at `share` of the way between two shapes.
+    /// Whether all visible points lie within `tolerance`, m, of the interpolation between two shapes. `share`: 0 for
+    /// `from`, 1 for `to`.
     pub(super) fn lies_between(&self, from: &Self, to: &Self, share: f32, tolerance: f32) -> bool {
         self.distances_between(from, to, share).all(|distance| distance <= tolerance)
     }
 
-    /// Most that a point that is seen lies off its place at `share` of the way between two shapes, m.
+    /// Largest distance of a visible point from the interpolation between two shapes, m. `share`: as in
+    /// [`Self::lies_between`].
     pub(super) fn distance_between(&self, from: &Self, to: &Self, share: f32) -> f32 {
         self.distances_between(from, to, share).fold(0.0, f32::max)
     }

@@ -48,7 +48,7 @@ pub enum GltfTarget {
 
 /// Bytes of three floats: a position or a normal in a morph target.
 pub(super) const VECTOR_BYTES: usize = 12;
-/// Bytes of the index of a vertex in a morph target that does not hold all.
+/// Bytes of the index of a vertex in a sparse morph target, which does not contain all vertices.
 pub(super) const INDEX_BYTES: usize = 4;
 
 /// Options of one [`GltfExporter`](super::GltfExporter), which writes one profile.
@@ -62,10 +62,11 @@ pub struct GltfOptions {
     pub frame: Option<u32>,
     /// Number of frames that will be written, from which shapes are spread over the clip; `None`: all frames of the clip.
     pub frames: Option<usize>,
-    /// Frames after which the motion of the scene repeats, if all that moves has joints. If the clip ends there, files of `web` and
-    /// `engine` have a further key at which the motion begins again.
+    /// Frames after which the motion of the scene repeats, if everything that moves has joints. If the clip ends there,
+    /// files of `web` and `engine` get one more key, at which the motion begins again.
     pub loop_frames: Option<u32>,
-    /// Width and height of the camera's picture, pixels; `None`: the camera has no ratio of them, viewers take that of their window.
+    /// Width and height of the camera's picture, pixels; `None`: the file gives no aspect ratio, and viewers use that
+    /// of their window.
     pub size: Option<[u32; 2]>,
     /// Most moving instances in a file; each is a node with animation channels.
     pub nodes: usize,
@@ -77,7 +78,8 @@ pub struct GltfOptions {
     pub quantize: bool,
     /// Profile `web`: compress vertices, triangles and keys with EXT_meshopt_compression. Implies `quantize`.
     pub meshopt: bool,
-    /// Profile `blender`: about the most bytes of the merged leaves of an asset, which have fewer triangles where all would take more.
+    /// Profile `blender`: approximate limit to the bytes of an asset's merged leaves; leaves get fewer triangles to
+    /// keep it.
     pub leaf_bytes: u64,
     /// Profile `engine`: most triangles of a plant at its finest level of detail.
     pub level_triangles: usize,
@@ -112,7 +114,8 @@ impl GltfOptions {
         self.profile != Profile::Blender
     }
 
-    /// Bytes of a point's position in a morph target with few vertices, and of the index of its vertex. Sparse elements are not padded.
+    /// Bytes of a point's position in a sparse morph target, with the index of its vertex. Sparse elements are not
+    /// padded.
     pub(super) fn sparse_position_bytes(&self) -> usize {
         let position = if self.vertex_storage() == VertexStorage::Quantized { 6 } else { VECTOR_BYTES };
         position + INDEX_BYTES
@@ -139,7 +142,7 @@ pub(super) enum VertexStorage {
     Floats,
     /// Normals and tangents as signed bytes, all else as floats; meshes with morph targets as floats.
     ByteDirections,
-    /// Positions and texture coordinates as 16-bit integers, all else as bytes.
+    /// Positions and texture coordinates as 16-bit integers, everything else as bytes.
     Quantized,
 }
 

@@ -17,10 +17,11 @@ pub(super) struct QuantizedCube {
 }
 
 impl QuantizedCube {
-    /// The smallest cube with the positions, which begins at their least corner. A single position gets a cube of 1 m.
+    /// The smallest cube that contains the positions; it begins at their least corner. A single position gets a cube of
+    /// 1 m.
     pub(super) fn around(points: impl Iterator<Item = Vec3>) -> Self {
         let (low, high) = points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-        // Positions that are not finite are reported by the buffer; the cube of none is as good as any.
+        // Positions that are not finite are reported by the buffer; any cube serves until then.
         let extent = (high - low).max_element();
         let known = extent.is_finite() && extent > 0.0;
         Self { low: if low.is_finite() { low } else { Vec3::ZERO }, extent: if known { extent } else { 1.0 } }
@@ -31,7 +32,7 @@ impl QuantizedCube {
         (p - self.low) / self.extent
     }
 
-    /// A position, m, as its integers of 16 bits hold it, as shares of the cube.
+    /// A position, m, rounded to 16-bit integers, as shares of the cube.
     pub(super) fn stored(&self, p: Vec3) -> Vec3 {
         (self.shares(p).clamp(Vec3::ZERO, Vec3::ONE) * 65_535.0).round() / 65_535.0
     }

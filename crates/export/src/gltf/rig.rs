@@ -74,7 +74,7 @@ impl JointSelection {
         (joints, weights)
     }
 
-    /// Influences of one vertex over the written joints, as [`Self::remap_weights`] has them.
+    /// Influences of one vertex over the written joints, in the form of [`Self::remap_weights`].
     pub(super) fn merge_influences(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
         merge_influences(&self.carrier, joints, weights)
     }
@@ -90,7 +90,8 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
             length[p as usize] += length[i] + skeleton.joints[i].rest.t.length();
         }
     }
-    // Largest rotation from the rest pose over the clip, rad: times the length it turns, about the way that its tips travel, m.
+    // Largest rotation from the rest pose over the clip, rad; times the length of the subtree, it is about the distance
+    // that its tips travel, m.
     let turn =
         |i: usize| poses.iter().fold(0.0_f32, |m, pose| m.max(rotation_angle(skeleton.joints[i].rest.r, pose[i].r)));
     let rank: Vec<f32> = (0..n).map(|i| turn(i) * length[i]).collect();

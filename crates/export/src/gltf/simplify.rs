@@ -9,7 +9,7 @@ use osier_base::convert::saturating_index;
 use osier_base::{Error, Result};
 use osier_scene::Mesh;
 
-/// Weight of normals beside positions in the simplification: limbs stay round.
+/// Weight of normals relative to positions in the simplification. Larger: limbs stay rounder.
 const NORMAL_WEIGHT: f32 = 0.5;
 /// Largest deviation of a simplified blade as a share of its size.
 pub(super) const BLADE_DEVIATION: f32 = 0.3;
@@ -76,7 +76,7 @@ pub(super) fn vertices_of(mesh: &Mesh, vertices: &[u32]) -> Mesh {
 /// `total` times `part` / `all`, rounded down; 0 if `all` is 0.
 pub(super) fn share_of(total: usize, part: usize, all: usize) -> usize {
     let share = total as u128 * part as u128 / (all as u128).max(1);
-    // `part` is among `all`, so that the share is at most `total`, which is a usize.
+    // `part` is at most `all`, so that the share is at most `total`, which is a usize.
     usize::try_from(share).unwrap_or(usize::MAX)
 }
 
@@ -108,7 +108,7 @@ fn simplified(
     let bits = SimplifyOptions::PRUNE.bits() | SimplifyOptions::SPARSE.bits();
     let options = SimplifyOptions::from_bits(bits).map_err(refused)?;
     let settings = SimplifySettings { target_index_count: target * 3, target_error: deviation, options };
-    // The limits of osier bound meshes before they come here.
+    // No limits: osier has already checked the size of the mesh.
     let mut workspace = Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX });
     let simple = simplify_with_attributes(
         triangles.as_flattened(),

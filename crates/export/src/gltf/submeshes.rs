@@ -33,8 +33,8 @@ impl Submesh<'_> {
     }
 }
 
-/// The submeshes of a mesh, one for each material, in order of first appearance; none without triangles. Vertices that no
-/// triangle uses are dropped, those on a border between materials are in each submesh.
+/// The submeshes of a mesh, one for each material, in order of first appearance; none without triangles. Vertices that
+/// no triangle uses are dropped; vertices on a border between materials are copied to each of their submeshes.
 pub(crate) fn split_by_material(mesh: &Mesh) -> Vec<Submesh<'_>> {
     let mut materials: Vec<MaterialId> = Vec::new();
     for s in mesh.subsets.iter().filter(|s| s.count > 0) {

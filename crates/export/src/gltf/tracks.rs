@@ -1,4 +1,5 @@
-//! The animation of a clip, gathered frame by frame and held until the end: a sampler's keys are contiguous in the buffer.
+//! The animation of a clip, gathered frame by frame and held until the end, because the keys of a sampler are
+//! contiguous in the buffer.
 
 use glam::{Quat, Vec3};
 
@@ -11,29 +12,32 @@ use osier_scene::{
     Asset, AssetFrame, Clip, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
 };
 
-/// Shapes that a mesh has before any frame is left out, if all of its points are seen in each: bytes count, so that a mesh of which
-/// a part is seen has more. Own: each target holds positions and normals, and importers hold all of them.
+/// Number of shapes of a mesh before any frame is left out, if all points are visible in each; if some are hidden, the
+/// same bytes hold more shapes. Own: each target holds positions and normals, and importers keep all of them.
 const MORPH_TARGETS: usize = 32;
-/// Bytes that the targets of a mesh may have where its error would be visible with fewer. Own: small meshes that move irregularly, as
-/// trees that grow year by year, keep every frame of a clip of five seconds.
+/// Most bytes of the targets of a mesh whose error would be visible with fewer. Own: small meshes that move
+/// irregularly, such as trees that grow year by year, keep every frame of a clip of five seconds.
 const MORPH_BYTES: usize = 60 << 20;
 /// Most targets of a mesh.
 const MOST_TARGETS: usize = 256;
-/// Bytes of all vertices in each target over those of the vertices that are seen, at most: programs hold all of them in memory. Own:
-/// of the wood of an oak that grows from 2 to 20 years a third is seen on average.
+/// Most bytes of the targets in a program's memory, where each has all vertices, divided by those of the visible
+/// vertices. Own: of the wood of an oak that grows from 2 to 20 years a third is visible on average.
 const MOST_UNSEEN: usize = 3;
-/// Bytes of targets that a mesh may have before any frame is left out. Own: less than the pictures of a plant.
+/// Bytes of targets that a mesh may have before any frame is left out. Own: less than the textures of a plant.
 const MORPH_FREE: usize = 4 << 20;
-/// Smallest limit of targets, for the largest meshes. Own: with fewer, a tree that grows would jump from shape to shape.
+/// Least number of targets, even for the largest meshes. Own: with fewer, a growing tree would jump from shape to
+/// shape.
 const LEAST_TARGETS: usize = 16;
-/// Largest invisible deviation of a point at an omitted frame from the interpolated shape, as a share of the diagonal of the
-/// mesh's box. Own: of a tree that fills a picture of 1080 rows four pixels, as many as USD leaves to plants that grow.
+/// Largest invisible deviation of a point at an omitted frame from the interpolated shape, as a share of the diagonal
+/// of the mesh's box. Own: four pixels for a tree that fills a picture of 1080 rows, the same as USD's tolerance for
+/// growing plants.
 const MORPH_TOLERANCE: f32 = 0.004;
-/// Largest deviation of curves that are written, likewise. Own: beyond it the paths of catkins are other paths.
+/// Largest deviation of curves, as a share of the same diagonal; coarser curves are dropped. Own: beyond it catkins
+/// would follow visibly other paths.
 const CURVE_TOLERANCE: f32 = 0.02;
 /// The smallest tolerance with which frames are omitted, as a share of that diagonal. Own: 5 mm for a tree of 10 m.
 const LEAST_TOLERANCE: f32 = 0.0005;
-/// Most shapes that wait for the next key; it bounds the memory and the comparisons per frame.
+/// Most shapes that wait for the next key; limits memory and the comparisons per frame.
 const MOST_WAITING: usize = 8;
 
 /// The states of all assets at the frames of the clip, held until the file is written.
@@ -45,9 +49,9 @@ pub(super) struct ClipTracks {
     pub repeats: bool,
     /// Number of each frame in the clip.
     pub numbers: Vec<u32>,
-    /// In the order of the scene's assets.
+    /// States of each asset, in the order of the scene.
     pub assets: Vec<AssetTracks>,
-    /// Most moving instances in a file; of more, those of the smallest [`InstanceTrack::key`] are written.
+    /// Most moving instances in a file; if there are more, those with the smallest [`InstanceTrack::key`] are written.
     pub max_moving: usize,
 }
 
@@ -62,14 +66,14 @@ pub(super) struct AssetTracks {
     pub leaves: Option<LeafShapes>,
     /// For each mesh of the asset in its order; [`MorphFrames::Still`] where it does not deform.
     pub meshes: Vec<MorphFrames>,
-    /// For each curves primitive of the asset; points only.
+    /// Shapes of each curves primitive of the asset; without normals.
     pub curves: Vec<MorphFrames>,
 }
 
 /// The states of one moving instance; each list has an entry for every frame.
 #[derive(Debug)]
 pub(super) struct InstanceTrack {
-    /// hash(seed, id): those of the smallest keys are written if there are too many.
+    /// hash(seed, id): the instances with the smallest keys are written if there are too many.
     pub key: u64,
     /// Index of the instancer in the asset.
     pub instancer: usize,
@@ -85,11 +89,11 @@ pub(super) struct InstanceTrack {
 /// Shapes of a mesh, or of a set of curves, over the clip.
 #[derive(Debug, Default)]
 pub(super) enum MorphFrames {
-    /// No shapes: it does not deform, or joints move it.
+    /// No shapes: the mesh does not deform, or joints move it.
     #[default]
     Still,
     Frames(MorphKeys),
-    /// Curves that would need more shapes than [`MorphKeys::most`]; none is kept.
+    /// The curves would need more shapes than [`MorphKeys::most`]; none is kept.
     TooMany,
 }
 
@@ -103,9 +107,10 @@ pub(super) struct MorphKeys {
     pub shapes: Vec<MorphShape>,
     /// Largest distance of a point at an omitted frame from the interpolated shape, m; 0 if all frames are kept.
     pub error: f32,
-    /// Numbers in the clip of the frames taken so far, kept or not. Those of a selection may lie at uneven distances.
+    /// Numbers in the clip of the frames taken so far, kept or not. If frames were skipped, their distances may differ.
     numbers: Vec<u32>,
-    /// Interval of the kept frames of meshes so large that they have few targets; 1: the motion determines which are kept.
+    /// Interval of the kept frames of meshes so large that few targets fit; 1: the motion determines which frames are
+    /// kept.
     stride: usize,
     /// Shapes of the frames after the last kept one.
     waiting: Vec<MorphShape>,
@@ -117,7 +122,7 @@ pub(super) struct MorphKeys {
     limit: usize,
     /// Bytes of the targets of the kept shapes.
     bytes: usize,
-    /// What the number of points of the mesh allows.
+    /// Limits for a mesh of this number of points.
     budget: TargetBudget,
     /// Number of points of the mesh.
     points: usize,
@@ -132,13 +137,14 @@ pub(super) struct MorphTrack<'a> {
     pub shapes: &'a [MorphShape],
 }
 
-/// Estimated bytes of the morph targets of `meshes` deforming meshes of `vertices` points in all, over so many frames, of which all
-/// points are seen in each.
+/// Estimated bytes of the morph targets of `meshes` deforming meshes with `vertices` points in total over `frames`
+/// frames, if all points are visible in each.
 pub(super) fn estimate(vertices: u64, meshes: u64, frames: u64, options: &GltfOptions) -> u64 {
     if vertices == 0 {
         return 0;
     }
-    // The meshes of a plant differ in size; only sums are known, and the budget is that of each.
+    // The meshes of a plant differ in size, but only the sums are known: assume equal meshes, each with a budget of its
+    // own.
     let meshes = meshes.max(1);
     let each = TargetBudget::new(limit(vertices.div_ceil(meshes)), options);
     let least = vertices * each.point as u64 * frames.min(LEAST_TARGETS as u64);
@@ -147,13 +153,13 @@ pub(super) fn estimate(vertices: u64, meshes: u64, frames: u64, options: &GltfOp
         .max(least)
 }
 
-/// What the number of points of a mesh allows for its targets.
+/// Limits to the targets of a mesh, which depend on its number of points.
 #[derive(Debug, Clone, Copy)]
 struct TargetBudget {
-    /// Whether targets have normals. Those of large meshes have none, so that twice as many fit: wood that grows seldom turns. Nor do
-    /// those for Blender, which computes them.
+    /// Whether targets have normals. Those of large meshes have none, so that twice as many fit: growing wood hardly
+    /// turns. Targets for Blender have none either, since Blender computes normals itself.
     with_normals: bool,
-    /// Bytes of a point of a target.
+    /// Bytes per point of a target.
     point: usize,
     /// Most targets.
     most: usize,
@@ -176,7 +182,7 @@ impl MorphKeys {
         MorphTrack { frames: &self.frames, shapes: &self.shapes }
     }
 
-    /// `rest`: points of the mesh at rest; `frames`: those to be written.
+    /// `rest`: points of the mesh at rest; `frames`: number of frames to be written.
     fn new(rest: &[Vec3], frames: usize, options: &GltfOptions) -> Self {
         let budget = TargetBudget::new(rest.len(), options);
         let TargetBudget { point, most, .. } = budget;
@@ -197,7 +203,8 @@ impl MorphKeys {
         }
     }
 
-    /// Bytes of the target of a shape: that of all points, or of those that are seen with their indices.
+    /// Bytes of the target of a shape: the smaller of a list of all points and of the visible points with their
+    /// indices.
     fn target_bytes(&self, shape: &MorphShape) -> usize {
         let unseen = shape.unseen.iter().filter(|unseen| **unseen).count();
         let seen = self.points.saturating_sub(unseen);
@@ -235,7 +242,8 @@ impl MorphKeys {
             self.keep(frame, shape);
             return;
         }
-        // All waiting shapes must lie near the interpolation from the last kept shape to the new one.
+        // All waiting shapes must lie within the tolerance of the interpolation from the last kept shape to the new
+        // one.
         let restored = self.frames.last().zip(self.shapes.last()).is_some_and(|(first, from)| {
             let mut waiting = self.waiting.iter().zip(*first + 1..);
             waiting.all(|(s, at)| s.lies_between(from, &shape, self.share(*first, at, frame), self.tolerance))
@@ -273,7 +281,7 @@ impl MorphKeys {
         self.shapes.push(shape);
     }
 
-    /// Keeps a shape; beyond `limit` bytes, raises the tolerance and drops those that are no longer needed.
+    /// Keeps a shape; beyond `limit` bytes, raises the tolerance and drops the shapes that are no longer needed.
     fn keep(&mut self, frame: usize, shape: MorphShape) {
         self.bytes += self.target_bytes(&shape);
         self.frames.push(frame);
@@ -282,8 +290,8 @@ impl MorphKeys {
         if self.bytes <= self.limit && self.shapes.len() <= most {
             return;
         }
-        // The smallest tolerance that leaves few enough shapes; before the error becomes visible, the
-        // limit of a small mesh is raised.
+        // Find the smallest tolerance that leaves few enough shapes. Before the error becomes visible, raise the limit
+        // of a small mesh instead.
         let mut tolerance = self.tolerance.max(LEAST_TOLERANCE * self.diagonal);
         loop {
             if self.error + tolerance > MORPH_TOLERANCE * self.diagonal
@@ -297,14 +305,14 @@ impl MorphKeys {
             }
             let kept = self.needed(tolerance);
             let bytes: usize = kept.iter().map(|i| self.target_bytes(&self.shapes[*i])).sum();
-            // An eighth of the limits stays free, so that the next thinning is not due at the next frame.
+            // Keep an eighth of the limits free, so that the next frame does not cause another thinning at once.
             let fits = bytes <= self.limit - self.limit / 8 && kept.len() <= most - most / 8;
             if fits || kept.len() < LEAST_TARGETS {
                 self.bytes = bytes;
                 self.thin_out(&kept, tolerance);
                 return;
             }
-            // Without an end the loop would hang on a mesh without extent; its points do not move.
+            // The minimum ends the loop for a mesh without extent, whose points do not move.
             tolerance = (tolerance * 1.5).max(f32::MIN_POSITIVE);
         }
     }
@@ -328,20 +336,20 @@ impl MorphKeys {
         kept
     }
 
-    /// Drops all shapes but those of the increasing indices `kept`, and adds `tolerance` to the error.
+    /// Drops all shapes except those at the increasing indices `kept`, and adds `tolerance` to the error.
     fn thin_out(&mut self, kept: &[usize], tolerance: f32) {
         let mut index = 0..;
         self.shapes.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));
         let mut index = 0..;
         self.frames.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));
-        // Frames dropped earlier were compared with shapes that are dropped now: the errors add up.
+        // Frames dropped earlier were compared with shapes that are dropped now, so the errors add up.
         self.error += tolerance;
         self.tolerance = tolerance;
     }
 }
 
 impl ClipTracks {
-    /// No frames yet.
+    /// Tracks before the first frame.
     pub(super) fn new(scene: &Scene, options: &GltfOptions) -> Self {
         let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene, options)).collect();
         Self { assets, max_moving: options.nodes, ..Self::default() }
@@ -365,9 +373,10 @@ impl ClipTracks {
         self.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(MorphFrames::drop_if_coarse);
     }
 
-    /// Time of the frame after the last, s, if the motion repeats there and the whole clip was added, at even distances. A player that
-    /// repeats an animation shows its last and its first key at one moment: without a key there the motion skips a frame in every
-    /// round, and the round is shorter than the clip. Blender repeats a range of frames instead.
+    /// Time of the frame after the last, s, if the motion repeats there and all frames of the clip were added, at equal
+    /// intervals. A player that repeats an animation shows its last and its first key at the same moment: without a key
+    /// there the motion would skip a frame in every round, and the round would be shorter than the clip. Blender
+    /// repeats a range of frames instead.
     fn end_of_round(&self, clip: Clip, options: &GltfOptions) -> Option<f32> {
         let period = options.loop_frames.filter(|_| options.profile != Profile::Blender)? as usize;
         let [first, second, ..] = *self.numbers.as_slice() else { return None };
@@ -431,7 +440,7 @@ impl AssetTracks {
         }
     }
 
-    /// `number`: of the frame in the clip.
+    /// Records the state of the asset at a frame. `number`: number of the frame in the clip.
     fn push(&mut self, asset: &Asset, number: u32, frame: &AssetFrame) {
         if let Some(leaves) = &mut self.leaves {
             leaves.push(asset, frame);
@@ -490,7 +499,7 @@ impl MorphFrames {
         }
     }
 
-    /// Turns into [`Self::TooMany`], which holds no shapes, if the kept shapes are too coarse.
+    /// Replaces shapes that are too coarse by [`Self::TooMany`], which holds none.
     fn drop_if_coarse(&mut self) {
         if matches!(self, Self::Frames(keys) if keys.error > CURVE_TOLERANCE * keys.diagonal) {
             *self = Self::TooMany;
@@ -504,8 +513,8 @@ impl InstanceTrack {
         self.sizes.windows(2).any(|w| w[0].to_bits() != w[1].to_bits())
     }
 
-    /// Positions and orientations in which an instance holds its first state before it is alive, and its last one afterwards: no
-    /// keys are spent on motion that is not visible.
+    /// Positions and orientations, with the first live state held before the instance is alive and the last one
+    /// afterwards: no keys are spent on invisible motion.
     pub(super) fn hold_while_dead(&self) -> (Vec<Vec3>, Vec<Quat>) {
         let frames = self.held_frames();
         let positions = frames.iter().map(|&i| self.positions[i]).collect();

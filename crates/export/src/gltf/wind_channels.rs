@@ -84,7 +84,7 @@ impl WindChannels {
         ],
         second_uv: Some([plain(WindNumber::Sway), plain(WindNumber::Branch)]),
     };
-    /// Godot's trees: green sways most, red not at all.
+    /// Godot's trees: green vertices sway most, red ones not at all.
     pub const GODOT: Self = Self {
         color: [
             WindChannel { number: WindNumber::Sway, inverted: true },

@@ -89,8 +89,8 @@ fn path(file: &FileEntry) -> &str {
     }
 }
 
-/// Paths of the files that can be maps of a material. Heights of the terrain and fields of frames are none, although a material
-/// may have the name of their folder.
+/// Paths of the files that can be maps of a material. Heights of the terrain and fields of frames are excluded,
+/// although their folder may have the name of a material.
 fn material_map_paths(files: &[FileEntry]) -> Vec<&str> {
     let is_map = |file: &&FileEntry| match file {
         FileEntry::Single { kind, .. } | FileEntry::Sequence { kind, .. } => {
@@ -136,7 +136,7 @@ fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
 fn numbered(path: &str, tag: &str) -> Option<String> {
     let replaced = |before: char| {
         let wanted = format!("{before}{tag}.");
-        // The last match: a folder or an asset may have the same digits in its name.
+        // Replace the last match: a folder or an asset may have the same digits in its name.
         let at = path.rfind(&wanted)?;
         Some(format!("{}{before}####.{}", &path[..at], &path[at + wanted.len()..]))
     };
@@ -186,12 +186,12 @@ fn map_paths(folders: &[&str], paths: &[&str]) -> BTreeMap<String, String> {
         let mine = folders.contains(&folder) && name.ends_with(".exr");
         mine.then(|| (name.split('.').next().unwrap_or(name).to_owned(), (*path).to_owned()))
     };
-    // Sequences come last: the relief with its water stands in place of the dry one, which has the same name.
+    // Sequences come last: the relief with its water replaces the dry relief, which has the same name.
     let (numbered, constant): (Vec<&str>, Vec<&str>) = paths.iter().copied().partition(|path| path.contains("####"));
     constant.iter().chain(&numbered).filter_map(map).collect()
 }
 
-/// Whether something has a material, and all meshes and points that have it have colours.
+/// Whether the material is used, and all meshes and points that use it have vertex colours.
 fn has_vertex_colors(scene: &Scene, id: MaterialId) -> bool {
     let prototypes = scene.assets.iter().flat_map(|a| &a.instancers).flat_map(|i| &i.prototypes).map(|p| &p.mesh);
     let meshes = scene.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh).chain(prototypes);
@@ -201,13 +201,13 @@ fn has_vertex_colors(scene: &Scene, id: MaterialId) -> bool {
     plain.peek().is_some() && !plain.any(|is_plain| is_plain)
 }
 
-/// The materials that something in the scene has; `files`: the two lists of [`material_entry`].
+/// The materials that the scene uses; `files`: the two lists of [`material_entry`].
 fn material_entries(scene: &Scene, files: [&[&str]; 2]) -> Vec<MaterialEntry> {
     let all = (0..).zip(&scene.materials).zip(scene.used_materials()).filter(|(_, is_used)| *is_used);
     all.map(|((id, material), _)| material_entry(scene, id, material, files)).collect()
 }
 
-/// `paths`: of all files, and `maps`: of those that can be maps of a material.
+/// `paths`: paths of all files, and of those that can be maps of a material.
 fn material_entry(scene: &Scene, id: MaterialId, m: &Material, [paths, maps]: [&[&str]; 2]) -> MaterialEntry {
     let picture = |slot: &str, image: Option<u32>| {
         let name = &scene.images.get(image? as usize)?.name;

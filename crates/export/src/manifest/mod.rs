@@ -191,9 +191,9 @@ pub struct LookEntry {
 /// A quotient of two polynomials: coefficients of x^2, x and 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CurveEntry {
-    /// Coefficients of x^2, x and 1 above the fraction line, with x the exposed luminance.
+    /// Coefficients of x^2, x and 1 of the numerator; x is the exposed luminance.
     pub numerator: [f32; 3],
-    /// Coefficients of x^2, x and 1 below the fraction line.
+    /// Coefficients of x^2, x and 1 of the denominator.
     pub denominator: [f32; 3],
 }
 

@@ -27,11 +27,12 @@ impl Verification {
     }
 }
 
-/// Most digits of a frame number in a file's name, and the longest path of a file, bytes.
+/// Most digits of a frame number in a file's name.
 const DIGITS: usize = 10;
+/// Longest path of a file, bytes.
 const LONGEST: usize = 1024;
 
-/// Refuses a manifest that no bake writes (X010): expanded sequences would have paths of unbounded length.
+/// Fails for a manifest that no bake writes (X010): expanded sequences could have paths of unbounded length.
 fn plain(manifest: &Manifest) -> Result<()> {
     let digits = manifest.time.digits;
     if digits > DIGITS {

@@ -94,8 +94,8 @@ impl<'a> Column<'a> {
     }
 }
 
-/// Appends a number with at least six significant digits where [`MAX_DECIMALS`] allow them, without an exponent, with digits on
-/// both sides of the point and no needless zeros at the end. `None` if it is not finite.
+/// Appends a number with at least six significant digits, as far as [`MAX_DECIMALS`] allows, without an exponent, with
+/// digits on both sides of the point and without trailing zeros. `None` if it is not finite.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against MAX_SCALED")]
 fn push_decimal(value: f64, text: &mut String) -> Option<()> {
     if !value.is_finite() {
@@ -116,7 +116,7 @@ fn push_decimal(value: f64, text: &mut String) -> Option<()> {
         digits /= 10;
         decimals -= 1;
     }
-    // Minus zero, and what rounds to it, is written as zero.
+    // Minus zero, and numbers that round to it, are written as zero.
     if value < 0.0 && digits > 0 {
         text.push('-');
     }

@@ -1,6 +1,6 @@
-//! Single elements of a simulation as points with attributes: `points/TABLE_####.csv`, one file for each table and frame, for the
-//! node Import CSV of Blender and for everything else that reads tables. Metres and seconds; the tables are those of the frames,
-//! and `joints`, which all skeletons give.
+//! Single elements of a simulation as points with attributes: `points/TABLE_####.csv`, one file for each table and
+//! frame, for Blender's node Import CSV and for any other program that reads tables. Metres and seconds. The tables are
+//! those of the frames, and `joints`, which exists for all skeletons.
 
 use std::sync::Arc;
 
@@ -22,8 +22,9 @@ use osier_scene::{Frame, InstancerMotion, RecordColumn, RecordTable, Scene};
 const JOINTS: &str = "joints";
 /// `parent` of a root joint in the table; other joints have an index there.
 const NO_PARENT: i32 = -1;
-/// Bytes of a row, measured: a joint, and an instance that moves freely.
+/// Bytes of the row of a joint; measured.
 const JOINT_ROW: u64 = 88;
+/// Bytes of the row of an instance that moves freely; measured.
 const INSTANCE_ROW: u64 = 105;
 
 /// Registry entry of tables of points as CSV.

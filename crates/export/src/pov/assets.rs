@@ -113,7 +113,7 @@ impl PovAsset<'_> {
 
     /// Whether the asset may have a target of photons at some frame.
     pub fn has_photon_target(&self) -> bool {
-        // The mesh of a frame is not known yet, so one that varies counts as a possible target.
+        // The mesh of a frame is not known yet, so a mesh that varies counts as a possible target.
         let rains = |m: &MeshObject| m.motion == MeshMotion::Varying || photons::is_all_water(&m.mesh, self.materials);
         if self.photons.is_some() && self.asset.meshes.iter().any(rains) {
             return true;
@@ -254,16 +254,16 @@ impl PovAsset<'_> {
         }
     }
 
-    /// Whether a frame moves the instances of an instancer by the unions of its joints. A state of the instances beside a pose is
-    /// ignored, unless joints would show them elsewhere than what touches them: one line per joint instead of one per leaf keeps
-    /// the files of a clip small, and omits the flutter of leaves.
+    /// Whether a frame moves the instances of an instancer by the unions of their joints. A separate state of the
+    /// instances is then ignored, unless the joints would show them apart from the objects that touch them. One line
+    /// per joint instead of one per leaf keeps the files of a clip small, but omits the flutter of leaves.
     fn follows_joints(&self, instancer: &Instancer, i: usize, frame: &AssetFrame) -> bool {
         let stated = matches!(frame.instancer(i), InstancerFrame::State(_));
         self.carrier_joints(instancer).is_some() && !(stated && (frame.pose.is_empty() || self.leaves_joints()))
     }
 
-    /// Whether instances have to be where their states say: on bark whose points the frames carry, since joints only approximate
-    /// it, and under drops, which lie on leaves as these flutter and nod.
+    /// Whether instances must be exactly where their states say: on bark whose points the frames contain, since joints
+    /// only approximate it, and under drops, which lie on leaves as these flutter and nod.
     fn leaves_joints(&self) -> bool {
         let deforms = |m: &MeshObject| m.motion == MeshMotion::Deforming;
         self.asset.meshes.iter().any(deforms) || has_water(self.materials)
@@ -321,7 +321,7 @@ impl PovAsset<'_> {
                     "asset {}, points {}: {dropped} points over {MAX_SPHERES} spheres are left out",
                     self.asset.id, points.name
                 );
-                // One warning for each count, not one for each frame of the clip.
+                // One warning per count, not one per frame of the clip.
                 if !warnings.iter().any(|w| w.message == message) {
                     warnings.push(Warning { code: "X013", message });
                 }

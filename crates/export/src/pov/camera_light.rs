@@ -9,7 +9,8 @@ use osier_base::math;
 use osier_base::{Error, Result};
 use osier_scene::{Camera, Fog, Scene, Sky, Sun};
 
-/// Parallel lights that approximate the sky's light. Own: more cost rendering time in proportion, fewer show as separate shadows.
+/// Number of parallel lights that approximate the sky's light. Own: more take rendering time in proportion; fewer show
+/// as separate shadows.
 const SKY_LIGHTS: u16 = 8;
 
 /// Factor on all lights. POV-Ray has no tone mapping, so lights are raised here and the visible sky is compressed by
@@ -208,9 +209,9 @@ pub(super) fn write_sky(text: &mut TextBuffer, space: PovSpace, sky: &Sky, sun: 
 /// Share of the light of sun and sky that ground reflects. Own: between moist soil (0.1) and grass (0.2).
 const GROUND_ALBEDO: f32 = 0.15;
 
-/// Writes the light from below as one parallel light, without which lower sides that transmit no light would be black: what the ground
-/// reflects, or the sky below the horizon of a scene without ground. The ground would block the light, which therefore casts no shadows
-/// above it.
+/// Writes the light from below as one parallel light; without it, lower sides that transmit no light would be black. It
+/// represents the light that the ground reflects, or the sky below the horizon in a scene without ground. It casts no
+/// shadows, since the ground would block it.
 /// Source: as in [`write_sky`], of a radiance L from below a level lower side of albedo a reflects a L. The mean radiance of the sky on
 /// level ground has a third of its weight at the horizon and two thirds at the zenith.
 pub(super) fn write_light_from_below(
@@ -228,7 +229,7 @@ pub(super) fn write_light_from_below(
     } else {
         sky.below.map_or_else(|| of_sky(0.0), |below| below.map(|c| c * sky.strength))
     };
-    // A light without light would only take time.
+    // Skip a black light, which would only take time.
     if radiance.iter().all(|c| *c <= 0.0) {
         return;
     }

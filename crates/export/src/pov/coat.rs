@@ -20,7 +20,7 @@ type Arc = std::sync::Arc<[u8]>;
 
 impl CoatWriter {
     pub(super) fn new() -> Self {
-        // Weights first; POV-Ray has no use for normals, nor for the thickness of a coat beside the height.
+        // Weights come first. POV-Ray uses neither normals, nor the thickness of a coat in addition to its height.
         let select = |sequence: &MapSequence| {
             let encoded = |wanted| (0..sequence.layers.len()).filter(move |i| sequence.layers[*i].encoding == wanted);
             encoded(MapEncoding::Unit).chain(encoded(MapEncoding::Height)).collect()

@@ -100,7 +100,7 @@ pub(super) fn has_area_anywhere(mesh: &Mesh) -> bool {
     mesh.triangles.iter().any(|t| has_area(&mesh.points, t))
 }
 
-/// Whether a triangle has an area, in double precision: POV-Ray warns of each one that has none.
+/// Whether a triangle has an area, in double precision: POV-Ray warns of each triangle that has none.
 fn has_area(points: &[Vec3], t: &[u32; 3]) -> bool {
     let corner = |i: u32| points.get(i as usize).map(|p| p.to_array().map(f64::from));
     let [Some(a), Some(b), Some(c)] = t.map(corner) else { return false };
@@ -157,7 +157,7 @@ pub(super) fn write_topology(text: &mut TextBuffer, mesh: &Mesh, faces: &Mesh2Fa
     text.put("\n");
 }
 
-/// Writes a complete `mesh2`. `faces`: those of the mesh, not empty.
+/// Writes a complete `mesh2`. `faces`: the faces of `mesh`, not empty.
 pub(super) fn write_mesh2(text: &mut TextBuffer, space: PovSpace, mesh: &Mesh, faces: &Mesh2Faces) {
     text.put("mesh2{\n");
     write_vectors(text, space, &mesh.points, &mesh.normals);

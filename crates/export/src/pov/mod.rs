@@ -69,11 +69,12 @@ fn estimate(input: &EstimateInput) -> u64 {
     let step = u64::from(input.options.pov.step.max(1));
     // The first frame and every `step`-th one after it.
     let written = |frames: u64| frames.div_ceil(step);
-    // 110 bytes of a sphere with position, radius and colour; clouds are thinned to MAX_SPHERES.
+    // A sphere with position, radius and colour takes 110 bytes; clouds are thinned to MAX_SPHERES.
     let spheres = |n: u64| n.min(100_000) * 110;
     let water = assets::has_water(&input.scene.materials);
     let of_asset = |(a, shown): (&AssetSize, Option<u64>)| {
-        // Of a plant that grows the triangles are written once; points, and instances that move freely, are in the frames.
+        // The triangles of a growing plant are written once; its points and its freely moving instances are in the
+        // frames.
         let still = match shown {
             Some(_) => {
                 a.triangles * 33 + a.prototype_triangles * 100 + a.instances.saturating_sub(a.free_instances) * 170
@@ -82,20 +83,21 @@ fn estimate(input: &EstimateInput) -> u64 {
         };
         let points = spheres(a.points - a.moving_points) + written(input.frames) * spheres(a.moving_points);
         // A frame has points and normals of moving meshes, and one line for the leaves of each joint.
-        // Of a plant that grows the instances have few digits and many points coincide: measured.
+        // The instances of a growing plant have few digits, and many of its points coincide: measured.
         let free = shown.map_or(a.free_instances * 170, |shown| shown * 157);
-        // Instances on joints have a line each where frames show them in their own states.
+        // Instances on joints have a line each if frames contain their own states.
         let stated = a.joints > 0 && (a.deforming_vertices > 0 || water);
         let instances = free + if stated { a.instances.saturating_sub(a.free_instances) * 170 } else { 0 };
         let bark = if a.deforms() { a.deforming_vertices * 58 } else { 0 };
         let moving = written(input.frames) * (instances + bark + a.moving_curve_points * 120);
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
-        // A vertex of a mesh whose frames are whole, with its share of two triangles: measured on drops.
+        // A vertex of a mesh that frames contain completely, with its share of two triangles: measured on drops.
         let varying = written(input.frames) * a.varying_vertices * 110;
         a.weight * (still + points + moving + posed + varying)
     };
     let assets: u64 = input.assets.iter().zip(input.instances_of_growth()).map(of_asset).sum();
-    // A height and a weight of each map sequence: a tenth of a byte a texel each, and 1.5 bytes for the height of a relief.
+    // Height and weight of each map sequence take a tenth of a byte per texel each; the height of a relief takes 1.5
+    // bytes per texel.
     let maps = (input.map_texels() * 2 + input.relief_texels() * 15) / 10;
     assets + maps * written(input.frames.max(1)).max(1)
 }
@@ -195,7 +197,7 @@ impl PovExporter {
         let assets = self.assets(scene);
         let moving = assets.iter().filter(|p| p.asset.moves());
         let now = moving.map(|p| (p, frame.and_then(|f| f.assets.get(p.index)).unwrap_or(&rest)));
-        // A file that is complete already needs no text; frames that may cause warnings are formatted anyway.
+        // A file that is already complete needs no text, but frames that may cause warnings are formatted anyway.
         if file.is_none() && !is_heavy(now.clone()) {
             return Ok(());
         }

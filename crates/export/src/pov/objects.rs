@@ -9,19 +9,19 @@ use osier_scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Poi
 /// Most spheres of a point cloud. Own: POV-Ray parses them again for every frame; a larger limit shows more of a dense cloud.
 pub(super) const MAX_SPHERES: usize = 100_000;
 
-/// Opacity of a streak as long as it is wide, 0 to 1; that of a longer one is less in proportion. Own: chosen by eye.
+/// Opacity of a streak as long as it is wide, 0 to 1; a longer streak has proportionally less. Own: chosen by eye.
 const STREAK_OPACITY: f32 = 0.14;
 
 /// Least ratio of a streak's length to the drop's width; a slower drop is drawn as a sphere. Own: chosen by eye.
 const MIN_STREAK_ASPECT: f32 = 3.0;
 
-/// Coordinates of a streak are rounded to the power of ten at or below the drop's radius over this. Own: eight steps a radius
-/// are finer than a pixel of any visible streak.
+/// Number of steps per radius of a drop to which the coordinates of its streak are rounded; the step is the power of
+/// ten at or below radius / this. Own: eight steps per radius are finer than a pixel of any visible streak.
 const STREAK_POSITION_STEPS: f32 = 8.0;
 
-/// The macro of a streak of falling water: position, half of its displacement, radius in the middle and transparency. Two cones
-/// taper from the middle to the ends, where the drop is for the shortest time. The interior of refractive index 1 replaces that
-/// of water, which would refract.
+/// The macro of a streak of falling water: position, half of its displacement, radius in the middle, and transparency.
+/// Two cones taper from the middle to the ends, where the drop is for the shortest time. The interior of refractive
+/// index 1 prevents the refraction that the interior of water would cause.
 pub(super) const STREAK_MACRO: &str = "#macro OsStreak(P, H, R, T) union{cone{P-H,0,P,R open}cone{P+H,0,P,R open} \
     texture{pigment{rgbt<1,1,1,T>}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow} #end\n";
 

@@ -1,5 +1,5 @@
-//! Selection of the drops that are targets of photons. A target receives no ordinary light, so a drop that few photons would hit
-//! must not be one.
+//! Selection of the drops that are targets of photons. A target receives no ordinary light, so a drop that only few
+//! photons would hit must not be a target.
 
 use std::collections::BTreeMap;
 

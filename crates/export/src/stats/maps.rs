@@ -32,7 +32,7 @@ impl MapStatistics {
         self.count += 1;
         let weight = f64::from(self.count).recip();
         for ((mean, squares), v) in self.mean.iter_mut().zip(&mut self.squares).zip(values) {
-            // Welford's recurrence: exact for equal values, without a difference of large sums.
+            // Welford's recurrence: exact for equal values, since it subtracts no large sums.
             let from_old = f64::from(*v) - *mean;
             *mean += from_old * weight;
             *squares += from_old * (f64::from(*v) - *mean);

@@ -103,7 +103,8 @@ impl Exporter for StatsExporter {
     }
 }
 
-/// Summary of a table over all frames: pairs of a column's name and a value in its unit. NaN and infinite values stand for none.
+/// Summary of a table over all frames: pairs of a column's name and a value in its unit. NaN and infinite values count
+/// as absent.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Whole {
     /// Values at the last frame of the columns that count events.
@@ -138,7 +139,7 @@ impl Whole {
     }
 }
 
-/// The shortest decimal that reads back equal; -0 as 0, and nothing for NaN, a value that is not there.
+/// The shortest decimal that reads back equal; -0 as 0, and an empty text for NaN, an absent value.
 fn number(v: f64) -> String {
     if v.is_nan() {
         return String::new();

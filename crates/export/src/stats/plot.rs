@@ -116,7 +116,7 @@ impl PanelScale {
     }
 
     fn x(&self, v: f64) -> f64 {
-        // The floor keeps a plot of a single point from dividing by zero.
+        // The minimum keeps a plot of a single point from dividing by zero.
         LEFT + (v - self.first) / (self.last - self.first).max(1e-9) * (WIDTH - RIGHT - LEFT)
     }
 
@@ -162,7 +162,7 @@ fn draw_panel(out: &mut String, top: f64, panel: &PlotPanel, axis: &PlotAxis) {
 }
 
 fn draw_line(out: &mut String, scale: &PanelScale, k: usize, line: &PlotLine) {
-    // A line without points keeps its colour for the other panels.
+    // A line without points still uses up its colour, so that a line has the same colour in all panels.
     if line.points.is_empty() {
         return;
     }
@@ -171,7 +171,7 @@ fn draw_line(out: &mut String, scale: &PanelScale, k: usize, line: &PlotLine) {
         let (x, low, high) = (scale.x(*x), scale.y(*least), scale.y(*most));
         let _ = writeln!(out, "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\" stroke-width=\"1\"/>");
     }
-    // A value that is not there interrupts the line.
+    // An absent value interrupts the line.
     for points in line.points.split(|[_, y]| y.is_nan()).filter(|points| !points.is_empty()) {
         // A polyline of one point has no extent: a dot is drawn instead.
         if let [[x, y]] = *points {

@@ -21,9 +21,9 @@ pub struct Sweep {
     pub keys: Vec<String>,
     /// Names of the columns that are summarised over the seeds and plotted.
     pub outcome: Vec<String>,
-    /// In the order in which they were simulated.
+    /// The simulated runs, in the order of their simulation.
     pub runs: Vec<Run>,
-    /// Runs that an interruption or an error has kept from being simulated, in their order; empty for a whole sweep.
+    /// Runs that were not simulated because of an interruption or an error, in their order; empty for a complete sweep.
     pub missing: Vec<MissingRun>,
     /// Maps at the last frame over the seeds, for each choice of values in the order of [`Sweep::means`].
     pub maps: Vec<Vec<MapStatistics>>,
@@ -71,7 +71,7 @@ pub struct Spread {
     pub least: f64,
     /// Largest value of any seed.
     pub most: f64,
-    /// Standard deviation with n - 1 in the denominator; a single value has none.
+    /// Standard deviation with n - 1 in the denominator; `None` for a single value.
     pub deviation: Option<f64>,
 }
 

@@ -24,7 +24,7 @@ pub(super) struct WindJoints {
     pub(super) skeleton: Skeleton,
     /// Simulation group of each written joint.
     pub(super) groups: Vec<usize>,
-    /// For each written joint whether another one of its group follows.
+    /// For each written joint whether another joint of its group follows.
     pub(super) continues: Vec<bool>,
     /// Angle by which each written joint turns under a dynamic pressure of 1 Pa, rad/Pa; 0 for a joint without a branch,
     /// such as a root with several stems.
@@ -67,7 +67,7 @@ impl WindJoints {
             // A joint is written if its parent is written and its group exists; else the carrier of
             // its parent moves its geometry.
             let group = match (parent, carrier) {
-                // Continues its parent's chain; any other child begins a chain of the next group.
+                // The joint that continues its parent's chain keeps the parent's group; any other child begins a chain in the next group.
                 (Some(p), Some(c)) if followers.get(p).copied().flatten() == Some(i) => written.groups[usize::from(c)],
                 (Some(_), Some(c)) => written.groups[usize::from(c)] + 1,
                 _ => 0,
@@ -124,7 +124,8 @@ fn followers(rig: &RiggedPlant) -> Vec<Option<usize>> {
     }
     let follower = |(p, list): (usize, &Vec<usize>)| {
         let is_root = branch(p).is_none();
-        // The next joint of the same axis comes first. Behind the last one, the thicker half of a fork continues the axis.
+        // The next joint of the same axis comes first. After the last one, the thicker half of a fork continues the
+        // axis.
         if let Some(next) = list.iter().find(|c| !is_root && axis(**c) == axis(p)) {
             return Some(*next);
         }

@@ -9,7 +9,7 @@ use osier_base::convert::index;
 use osier_base::{Error, Result};
 use osier_scene::{InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
 
-/// Most parts of an assembly; of a plant with more leaves, neighbours are merged.
+/// Most parts of an assembly; in a plant with more leaves, neighbouring leaves are merged.
 pub(super) const MAX_PARTS: usize = 65_536;
 
 /// The leaves of one instancer as parts of the assembly.
@@ -20,8 +20,9 @@ pub(super) struct LeafParts {
     pub(super) joints: Vec<u16>,
 }
 
-/// Leaves of a merged twig, unless more are needed. Own: each twig is a separate mesh, while single leaves share theirs. The
-/// larger twigs are, the fewer leaves must be merged: with n leaves each, n / (n - 1) for each part too many.
+/// Leaves of a merged twig, unless more are needed. Own: each twig is a separate mesh, while single leaves share
+/// theirs. The larger the twigs, the fewer leaves must be merged: to save one part, n / (n - 1) leaves in twigs of n
+/// leaves.
 pub(super) const TWIG: usize = 8;
 
 /// Neighbouring leaves that may become one part.
@@ -80,7 +81,7 @@ pub(super) fn leaf_parts(instancers: &[Instancer], carrier: &[u16], most: usize)
 fn twigs_of_size(by_joint: &[BTreeMap<u16, Vec<usize>>], size: usize) -> Vec<Twig> {
     let of = |(instancer, joints): (usize, &BTreeMap<u16, Vec<usize>>)| -> Vec<Twig> {
         let twig = |(joint, members): (u16, &[usize])| Twig { instancer, joint, members: members.to_vec() };
-        // Instances follow each other along their axis, so that neighbours in the list are neighbours on the twig.
+        // Instances are listed along their axis, so that neighbours in the list are neighbours on the twig.
         let runs = joints.iter().flat_map(|(joint, list)| list.chunks(size.max(2)).map(|run| (*joint, run)));
         runs.filter(|(_, run)| run.len() > 1).map(twig).collect()
     };

@@ -23,8 +23,9 @@ use osier_base::files::{Names, Output};
 use osier_base::geometry::Bounds;
 use osier_scene::{Joint, Mesh, RiggedPlant, Skeleton, SkinWeights, Trs};
 
-/// Prefix of the properties of an assembly, and of those of its skeleton's wind.
+/// Prefix of the properties of an assembly.
 const ASSEMBLY: &str = "unreal:naniteAssembly";
+/// Prefix of the properties of a skeleton's wind.
 const WIND: &str = "unreal:dynamicWind";
 
 /// Parts of a plant from which its USD file is written.
@@ -57,7 +58,7 @@ pub(super) fn write_stage(cx: &UsdContext, out: Output, name: &str, plant: &Asse
     let skeleton = format!("{root}/stem/skel");
     layer.writer.create_relationship(&format!("{root}.{ASSEMBLY}:skeleton"), std::slice::from_ref(&skeleton))?;
     define_stem(cx, &mut layer, &root, plant)?;
-    // Names of prims below the root must differ from those of the scope of materials and of the stem.
+    // Names of prims below the root must differ from the names of the scope of materials and of the stem.
     let mut names = Names::default();
     for taken in ["mtl", "stem"] {
         names.unique(taken);
@@ -114,7 +115,8 @@ fn define_skel_root(layer: &mut LayerBuilder, path: &str, bounds: Bounds) -> Res
 fn define_wind(layer: &mut LayerBuilder, skel: &str, names: &[String], wind: &Wind) -> Result<()> {
     let groups: Vec<i32> =
         wind.joints.iter().map(|j| narrow::<i32, usize>(j.group, "simulation groups")).collect::<Result<_>>()?;
-    // A group has one influence, or two: at the beginning of its chains and at their ends. The array joins those of all groups.
+    // A group has one influence, or two: at the beginning of its chains and at their ends. The array joins the
+    // influences of all groups.
     let influences: Vec<f32> =
         wind.groups.iter().flat_map(|g| if g.dual { vec![g.least, g.most] } else { vec![g.influence] }).collect();
     let counts: Vec<i32> = wind.groups.iter().map(|g| if g.dual { 2 } else { 1 }).collect();

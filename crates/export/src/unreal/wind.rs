@@ -7,10 +7,11 @@ use osier_base::math;
 
 /// Percentile of the compliances of all tips that gets an influence of 1; the most compliant tips of a plant are outliers.
 const FULL_INFLUENCE: f64 = 0.95;
-/// Percentiles of the first and of the last joints of a group's chains that give its least and its most influence.
+/// Percentile of the compliances of the first joints of a group's chains, which gives the group's least influence.
 const LEAST: f64 = 0.10;
+/// Percentile of the compliances of the last joints of a group's chains, which gives the group's largest influence.
 const MOST: f64 = 0.90;
-/// Range of the influences of all groups but the trunk. Own: below, branches look frozen beside others.
+/// Range of the influences of all groups except the trunk. Own: with less, branches look frozen beside others.
 const INFLUENCE_RANGE: [f64; 2] = [0.02, 1.0];
 /// Height, m, below which a plant counts as ground cover.
 const GROUND_COVER: f32 = 0.5;
@@ -21,7 +22,7 @@ pub(super) struct Wind {
     /// Group of each joint, in the order of the skeleton.
     #[serde(rename = "Joints")]
     pub(super) joints: Vec<WindJoint>,
-    /// In the order of their numbers, from the trunk to the twigs.
+    /// Groups in the order of their numbers, from the trunk to the twigs.
     #[serde(rename = "SimulationGroups")]
     pub(super) groups: Vec<WindGroup>,
     #[serde(rename = "bIsGroundCover")]
@@ -71,7 +72,7 @@ impl Wind {
     }
 }
 
-/// Influences of the groups: compliances of their joints divided by that of typical tips.
+/// Influences of the groups: compliances of their joints divided by the compliance of typical tips.
 fn influences(joints: &WindJoints) -> Vec<WindGroup> {
     let parent = |i: usize| joints.skeleton.joints[i].parent.map(|p| p as usize);
     let is_first = |i: usize| parent(i).is_none_or(|p| joints.groups[p] != joints.groups[i]);

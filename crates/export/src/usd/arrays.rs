@@ -7,12 +7,13 @@ use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::geometry::Bounds;
 
-/// The same memory as `float3` elements.
+/// Reinterprets vectors as `float3` elements in the same memory.
 pub(crate) fn as_float3(v: &[Vec3]) -> &[[f32; 3]] {
     bytemuck::cast_slice(v)
 }
 
-/// The same memory as `int` elements. `what`: what the values number, in the plural, for errors.
+/// Reinterprets numbers as `int` elements in the same memory. `what`: what the values number, in the plural, for
+/// errors.
 /// # Errors
 /// `TooMany` if a value exceeds `i32::MAX`.
 pub(crate) fn as_ints<'a>(values: &'a [u32], what: &'static str) -> Result<&'a [i32]> {

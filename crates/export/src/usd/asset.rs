@@ -7,11 +7,12 @@ use osier_base::Result;
 use osier_base::files::Names;
 use osier_scene::{Asset, MeshMotion};
 
-/// Factor on the tolerance in pixels of a plant that grows. Own: between two samples a shoot ends early or late by a part of its length,
-/// which has no rhythm that the eye follows.
+/// Factor on the tolerance in pixels for a growing plant. Own: between two samples a shoot is too long or too short by
+/// a part of its length, an error without a rhythm that the eye could follow.
 pub(super) const GROWTH_PIXELS: f32 = 3.0;
 
-/// Whether an asset grows: its points move without a skeleton. Time samples with velocities, as of plants on rods, are not left out.
+/// Whether an asset grows: its points move without a skeleton. Time samples with velocities, such as those of plants on
+/// rods, are never omitted.
 pub(super) fn grows(asset: &Asset) -> bool {
     asset.skeleton.is_none() && asset.meshes.iter().any(|m| m.motion == MeshMotion::Deforming)
 }

@@ -12,8 +12,8 @@ use osier_scene::{Fog, Trs};
 /// Vertical aperture in tenths of the scene unit, as UsdGeomCamera has it: 24 mm.
 const VERTICAL_APERTURE: f32 = 0.24;
 
-/// Defines camera, sun, sky and fog below `root`. `aspect`: width over height of the camera's picture; `picture`: path of the sky's equirectangular image, relative to the layer;
-/// without it the sky has a single colour.
+/// Defines camera, sun, sky and fog below `root`. `aspect`: width over height of the camera's picture; `picture`: path
+/// of the sky's equirectangular image, relative to the layer; without it the sky has a single colour.
 pub(super) fn define_camera_and_lights(
     cx: &UsdContext,
     layer: &mut LayerBuilder,

@@ -1,4 +1,5 @@
-//! Bytes of the time samples of plants that grow: how many samples are left out is found in a few windows of the clip.
+//! Estimates the bytes of the time samples of growing plants. The share of omitted samples is measured in a few windows
+//! of the clip.
 
 use super::asset::{GROWTH_PIXELS, grows};
 use super::instancer::{DueSamples, InstanceReducers, InstanceSample};
@@ -10,18 +11,18 @@ use glam::{Quat, Vec3};
 use osier_base::par::par_map;
 use osier_scene::{Asset, AssetFrame, MeshFrame, MeshMotion, PixelFootprint, instance_states};
 
-/// Windows of the clip that are evaluated of a plant, and of all plants while there is one for each. Own: samples lie closer where
-/// a plant is young and grows fast than later.
+/// Most windows of the clip that are evaluated per plant. Own: samples are denser while a plant is young and grows fast.
 const WINDOWS: usize = 3;
+/// Most windows that are evaluated for all plants together, though at least one per plant.
 const WINDOWS_OF_ALL: usize = 24;
-/// Frames of a window: an attribute without a second sample in these is at rest.
+/// Frames of a window: an attribute without a second sample within these is at rest.
 const WINDOW_FRAMES: u64 = MAX_GAP as u64 + 2;
-/// Longest clip that is evaluated as a whole, frames. Own: as many as of several windows.
+/// Longest clip that is evaluated as a whole, frames. Own: about as many frames as several windows have.
 const WHOLE_FRAMES: u64 = 32;
 /// Bytes of a rotation in half precision.
 const QUATH_BYTES: usize = 8;
 
-/// For each asset the bytes of the time samples that a bake writes of it; `None` for an asset that does not grow.
+/// For each asset the bytes of the time samples that a bake writes; `None` for an asset that does not grow.
 pub(super) fn sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
     let (scene, frames) = (input.scene, input.frames);
     let mut bytes = vec![None; input.assets.len()];
@@ -55,12 +56,13 @@ pub(super) fn whole(value: f64) -> u64 {
 /// Some successive frames of an asset.
 struct FrameWindow {
     asset: usize,
-    /// Indices, among the frames that are written, of the first one and of the one after the last.
+    /// Index of the first frame, among the written frames.
     first: u64,
+    /// Index of the frame after the last one, among the written frames.
     end: u64,
-    /// Whether these are all frames of the clip.
+    /// Whether the window contains all frames of the clip.
     is_whole: bool,
-    /// Length of a pixel at the asset, m, with the tolerance of growth.
+    /// Length of a pixel at the asset, m, times the tolerance factor for growth.
     pixel: f32,
 }
 
@@ -85,13 +87,15 @@ impl FrameWindow {
 struct SampleCounts {
     /// Bytes of one sample.
     bytes: u64,
-    /// Times of the first and the last sample, in frames, and number of samples that differ from the one before.
+    /// Times of the first and the last sample, in frames.
     span: Option<[f64; 2]>,
+    /// Number of samples that differ from the one before.
     count: u64,
 }
 
 impl SampleCounts {
-    /// Bytes of the samples for each frame between the first and the last; 0 for an attribute at rest, which has one sample.
+    /// Mean bytes of samples per frame between the first and the last sample; 0 for an attribute at rest, which has one
+    /// sample.
     fn bytes_per_frame(&self) -> f64 {
         let Some([first, last]) = self.span.filter(|span| span[1] > span[0]) else { return 0.0 };
         self.bytes as f64 * (self.count - 1) as f64 / (last - first)
@@ -134,7 +138,7 @@ struct MeshReduction {
     samples: AttributeSamples<Vec3>,
 }
 
-/// An instancer.
+/// The reducers of an instancer, and its samples so far.
 struct InstancerReduction {
     reducers: InstanceReducers,
     /// Orientations of the frame before.

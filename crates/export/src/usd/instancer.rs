@@ -27,7 +27,7 @@ const LOD_VARIANT_SET: &str = "LOD";
 
 /// Orientations in the axes of the stage, with the sign of each quaternion that is nearest to that of the frame before.
 pub(crate) fn continuous_stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
-    // Instances that had an orientation at the last frame continue its sign; new ones get w >= 0.
+    // Instances that had an orientation at the last frame keep its sign; new ones get w >= 0.
     let (known, new) = state.orientations.split_at(before.len().min(state.orientations.len()));
     let known = known.iter().zip(before).map(|(q, b)| nearest_quat(up.stage_quat(*q), *b));
     known.chain(new.iter().map(|q| canonical_quat(up.stage_quat(*q)))).collect()
@@ -64,7 +64,7 @@ pub(super) struct AnimatedInstancer {
     scales: AttrHandle,
     velocities: VelocitySamples,
     angular: VelocitySamples,
-    /// Primvars of the attributes seen so far; those of tracked instances are on their point twin.
+    /// Primvars of the attributes seen so far; the primvars of tracked instances are on their point twin.
     primvars: Vec<AnimatedPrimvar>,
     /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
@@ -81,7 +81,7 @@ pub(super) struct AnimatedInstancer {
 pub(super) struct InstanceReducers {
     positions: SampleReducer<Vec3>,
     orientations: SampleReducer<Quat>,
-    /// For instances whose size changes.
+    /// Used only for instances whose size changes.
     scales: SampleReducer<Vec3>,
 }
 
@@ -137,7 +137,7 @@ impl InstanceReducers {
         Self {
             positions: SampleReducer::new(SampleTolerance { strict: tolerance.metres, seen, levers: Vec::new() }),
             orientations: SampleReducer::new(SampleTolerance { strict: tolerance.radians, seen, levers }),
-            // A scale that is off by `metres` over the longest reach moves the far end by `metres`.
+            // A scale error of `metres` / (longest reach) moves the far end by `metres`.
             scales: SampleReducer::new(SampleTolerance { strict: tolerance.metres / longest, seen, levers: reaches }),
         }
     }
@@ -145,7 +145,7 @@ impl InstanceReducers {
     /// Takes a frame; returns the samples that must be written now.
     pub(super) fn push(&mut self, sample: &InstanceSample<'_>) -> DueSamples {
         let time = sample.time;
-        // Instances that are hidden may be anywhere.
+        // Hidden instances may have any transform.
         let unseen: Vec<bool> = sample.alive.iter().map(|alive| !alive).collect();
         let scales = sample
             .scales
@@ -159,7 +159,7 @@ impl InstanceReducers {
         }
     }
 
-    /// The samples of the last frame that have not been written.
+    /// The samples of the last frame, if they were not yet written.
     pub(super) fn finish(&mut self) -> DueSamples {
         DueSamples {
             positions: self.positions.finish(),
@@ -204,8 +204,8 @@ pub(super) fn define_instancer(
     };
     let extent = set(layer, "extent", "float3[]", UsdArray::Float3(&b))?;
     set(layer, "ids", "int64[]", UsdArray::Int64(&sequential_ids(n)))?;
-    // An instance keeps its index for the whole clip; those that are not alive at a frame are listed as invisible.
-    // Instances attached to joints live throughout: without hidden ones the attribute is omitted.
+    // An instance keeps its index for the whole clip; instances that are not alive at a frame are listed as invisible.
+    // Instances attached to joints always live: if none is hidden, the attribute is omitted.
     let may_hide = instancer.motion == InstancerMotion::Free || !hidden.is_empty();
     let invisible = may_hide.then(|| set(layer, "invisibleIds", "int64[]", UsdArray::Int64(&hidden))).transpose()?;
     let orientations = set(layer, "orientations", "quath[]", UsdArray::Quath(&orientations))?;

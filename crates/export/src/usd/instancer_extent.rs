@@ -20,7 +20,7 @@ struct InstanceBoxLanes {
     /// Centre and half sides of the prototype's box.
     center: Lanes3,
     half: Lanes3,
-    /// Upper bound of the distance from the instance's position to any point of its box, for every rotation.
+    /// Upper bound of the distance from the instance's position to any point of its box, for any rotation.
     reach: Vec4,
     /// Lanes with an instance that has geometry.
     any: [bool; LANES],
@@ -90,7 +90,8 @@ impl InstanceBoxLanes {
         let lane = |l: usize| each.get(l).copied().flatten();
         let of =
             |what: usize| transpose_lanes(&std::array::from_fn(|l| lane(l).map_or(Vec3::ZERO, |shape| shape[what])));
-        // The triangle inequality; quaternions rounded to half precision give matrices that stretch by less than a hundredth.
+        // Use the triangle inequality; quaternions rounded to half precision give matrices that stretch by less than a
+        // hundredth.
         let reach = |[scale, center, half]: [Vec3; 3]| 1.01 * ((scale * center).length() + (scale * half).length());
         Self {
             scale: of(0),

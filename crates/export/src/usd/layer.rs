@@ -16,7 +16,7 @@ pub(crate) struct LayerBuilder {
     /// Paths of the materials, and of the scopes around them, that are defined.
     defined_materials: BTreeSet<String>,
     map_textures: Vec<MapTexture>,
-    /// In the order of the calls of [`Self::bind_material`].
+    /// Bindings in the order of the calls of [`Self::bind_material`].
     bindings: Vec<MaterialBinding>,
 }
 
@@ -130,7 +130,7 @@ impl LayerBuilder {
     }
 }
 
-/// The unit quaternion of the same rotation with w >= 0.
+/// The unit quaternion with w >= 0 of the same rotation as `q`.
 pub(crate) fn canonical_quat(q: glam::Quat) -> glam::Quat {
     let q = q.normalize();
     if q.w < 0.0 { -q } else { q }

@@ -46,7 +46,8 @@ pub(super) fn define_material(
     if coat.is_some() || maps.iter().any(Option::is_some) {
         define_st_reader(writer, path)?;
     }
-    // A leaf shows its texture once, unless its texture coordinates repeat it, as those of blades of grass; bark and ground repeat theirs.
+    // Leaves show their texture once, unless their texture coordinates repeat it, as those of blades of grass do; bark
+    // and ground repeat it.
     let is_leaf = matches!(m.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
     let once = is_leaf && !cx.scene.repeats_textures(id);
     let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
@@ -56,7 +57,7 @@ pub(super) fn define_material(
         define_texture(writer, path, &TextureNode { name, file, material: m, once })?;
     }
     let Some(coat) = coat else { return Ok(Vec::new()) };
-    // The value without a time is read by programs that ignore time samples.
+    // Programs that ignore time samples read the value without a time.
     let file = cx.coat_weight_file(&coat, cx.first);
     let attr = define_texture(writer, path, &TextureNode { name: coat.weight, file, material: m, once })?;
     Ok(vec![MapTexture { coat, attr }])

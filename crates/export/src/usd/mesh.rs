@@ -215,7 +215,7 @@ fn define_subset(
 pub(super) struct VelocitySamples(Option<AttrHandle>);
 
 impl VelocitySamples {
-    /// Adds a time sample; `count` zeros if a later frame has none. `path`: of the attribute.
+    /// Adds a time sample; zeros, `count` of them, if a later frame has no velocities. `path`: of the attribute.
     pub(super) fn sample(
         &mut self,
         layer: &mut LayerBuilder,
@@ -224,7 +224,7 @@ impl VelocitySamples {
         count: usize,
         time: f64,
     ) -> Result<()> {
-        // No attribute as long as no frame has had velocities: one that holds only zeros would cost space.
+        // Create no attribute until a frame has velocities: one that holds only zeros would cost space.
         if values.is_empty() && self.0.is_none() {
             return Ok(());
         }
@@ -329,13 +329,13 @@ pub(super) struct VaryingMesh {
     times: Vec<f64>,
 }
 
-/// A frame of such a mesh.
+/// A frame of a mesh of varying topology.
 #[derive(Clone, Copy)]
 struct VaryingFrame<'m> {
     mesh: &'m Mesh,
     /// Time code.
     time: f64,
-    /// Whether its values are also those without a time.
+    /// Whether the values of this frame also become the default values, without a time.
     sets_default: bool,
 }
 
@@ -358,12 +358,13 @@ impl VaryingMesh {
         mesh: &Mesh,
     ) -> Result<Self> {
         let attrs = define_mesh(cx, layer, place, mesh)?;
-        // As many velocities as points, at rest as in every frame.
+        // Velocities must be as many as points, at rest and in every frame.
         let still = vec![[0.0; 3]; mesh.points.len()];
         let path = format!("{}.velocities", place.path);
         let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;
         let families = material_faces(mesh)?;
-        // A family without subsets is invalid: that of a mesh that is empty at rest is declared with the first faces.
+        // A family without subsets is invalid: for a mesh that is empty at rest, the family is declared with the first
+        // faces.
         if !families.is_empty() {
             set_partition_family(layer, place.path)?;
         }
@@ -412,7 +413,8 @@ impl VaryingMesh {
         Ok(())
     }
 
-    /// Samples every attribute seen so far, so that its values fit the points at all frames: none at frames without it.
+    /// Samples every attribute seen so far, so that its values fit the points at all frames: an empty array at frames
+    /// without it.
     fn sample_primvars(&mut self, up: UpAxis, layer: &mut LayerBuilder, frame: VaryingFrame<'_>) -> Result<()> {
         let known = self.primvars.len();
         for a in frame.mesh.attributes.iter().filter(|a| !a.data.is_empty()) {
@@ -436,7 +438,8 @@ impl AnimatedPrim for VaryingMesh {
             _ => (&object.mesh, &[]),
         };
         let a = MeshArrays::of(mesh, cx.up)?;
-        // A sample without velocities still needs as many of them as points, or readers keep those of the frame before.
+        // A sample without velocities still needs as many zeros as points, or readers keep the velocities of the frame
+        // before.
         let v = if velocities.len() == mesh.points.len() {
             as_float3(&cx.up.stage_vecs(velocities)).to_vec()
         } else {
@@ -454,8 +457,8 @@ impl AnimatedPrim for VaryingMesh {
         if let Some([values, corners]) = self.attrs.uvs {
             arrays.extend([(values, UsdArray::Float2(&st)), (corners, UsdArray::Int(a.indices))]);
         }
-        // The value without a time is that of the first frame that is written, as that of textures whose files change is. Usually it is
-        // the mesh at rest, which is there already.
+        // The default value is that of the first written frame, as for textures whose files change. Usually it is the
+        // mesh at rest, which is already there.
         let rest = &object.mesh;
         let sets_default = self.times.is_empty() && (mesh.points != rest.points || mesh.triangles != rest.triangles);
         let frame = VaryingFrame { mesh, time: sample.time, sets_default };

@@ -89,7 +89,8 @@ fn open_exporters(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     vec![Box::new(UsdExporter::new(job.folder.clone(), Arc::clone(&job.textures), options))]
 }
 
-/// Bytes of an asset's file besides its geometry: materials and the names of prims. Own: measured, as those below.
+/// Bytes of an asset's file besides its geometry: materials and the names of prims. Own: measured, as are the constants
+/// below.
 const ASSET_BYTES: u64 = 6_000;
 /// Bytes of a point of a cloud: position and colour; ids and equal widths take next to nothing.
 const POINT_BYTES: u64 = 24;
@@ -102,9 +103,9 @@ const HAIR_POINT_BYTES: u64 = 16;
 const TRACKED_SAMPLE_BYTES: u64 = 44 + 45;
 /// Bytes of a sample of a leaf in the wind: its position and orientation.
 const LEAF_SAMPLE_BYTES: f64 = 20.0;
-/// Bytes of its samples for each frame in calm air, and for each m/s of wind: the faster leaves flutter, the fewer samples are
-/// restored by interpolation.
+/// Mean bytes of the samples of a leaf per frame in calm air.
 const CALM_LEAF_BYTES: f64 = 0.9;
+/// Additional mean bytes per m/s of wind: the faster leaves flutter, the fewer samples interpolation can replace.
 const LEAF_BYTES_PER_SPEED: f64 = 1.6;
 
 /// Estimate from bytes per vertex, triangle, instance and time sample in crate files, whose index arrays are compressed.
@@ -113,7 +114,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     let growing = growth_estimate::sample_bytes(input);
     let of_asset = |(i, a): (usize, &AssetSize)| {
         let vertices = a.vertices + a.drawn_vertices;
-        // Joints and weights are two for most points, and equal along a branch.
+        // Most points have two joints with weights, which are equal along a branch.
         let skinned = if a.joints > 0 { a.vertices * 3 } else { 0 };
         let still = vertices * 26 + skinned + (a.triangles + a.drawn_triangles) * 4 + a.instances * 40 + ASSET_BYTES;
         let hairs = a.hair_points * HAIR_POINT_BYTES;
@@ -121,14 +122,15 @@ fn estimate(input: &EstimateInput) -> u64 {
         let deforms = a.deforming_vertices > 0 && a.joints == 0;
         let instance = if deforms { 44 } else { 124 };
         let deformed = if deforms { a.deforming_vertices * 12 * frames } else { 0 };
-        // Of plants that grow, the samples that interpolation does not restore.
+        // For growing plants, the samples that interpolation does not restore.
         let followed = a.tracked_instances * TRACKED_SAMPLE_BYTES;
         let tracked = || ((a.free_instances - a.tracked_instances) * instance + followed) * frames + deformed;
         let tracks = growing[i].unwrap_or_else(tracked) + a.moving_curve_points * 12 * frames;
         let leaf = (CALM_LEAF_BYTES + LEAF_BYTES_PER_SPEED * input.wind_speed).min(LEAF_SAMPLE_BYTES);
         let leaves = growth_estimate::whole(leaf * (a.posed_frames(frames) * a.instances) as f64);
         let posed = a.posed_frames(frames) * (a.deforming_vertices * 24 + a.joints * 34) + leaves;
-        // Points, normals, velocities, indices and attributes of meshes whose frames are whole: measured on drops.
+        // Points, normals, velocities, indices and attributes of meshes that frames contain completely: measured on
+        // drops.
         let varying = a.varying_vertices * frames * 46;
         let points = a.points * POINT_BYTES + a.moving_points * frames * POINT_SAMPLE_BYTES;
         a.weight * (still + hairs + tracks + varying + points + posed)
@@ -171,8 +173,8 @@ impl UsdExporter {
         for (i, asset) in cx.scene.assets.iter().enumerate() {
             let name = safe_name(&asset.id);
             let root = format!("/{name}");
-            // A payload that an interrupted bake has left complete is not written again, but the wrapper needs its bindings and
-            // bounds, so its prims go to a sink that discards them.
+            // A payload that an interrupted bake has left complete is not written again. The wrapper needs its bindings
+            // and bounds, so its prims go to a sink that discards the bytes.
             let sink: Box<dyn ByteSink> = match self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
                 Some(out) => Box::new(out),
                 None => Box::new(CountingSink::default()),
@@ -282,7 +284,8 @@ impl UsdExporter {
         }
         let scene = safe_name(&cx.scene.name);
         let Some(out) = self.folder.create(&format!("{scene}.usda"), "usda.wrapper", None)? else { return Ok(()) };
-        // The wrapper is in the output folder itself, the payloads in a folder below: its paths of textures differ from theirs.
+        // The wrapper is in the output folder itself, the payloads are in a subfolder: texture paths in the wrapper
+        // differ from theirs.
         let cx = &UsdContext { pictures: "./textures/".to_owned(), maps: None, ..cx.clone() };
         let mut layer = new_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &scene)?;
         let root = format!("/{scene}");
@@ -477,7 +480,7 @@ fn rebind_materials(
     let own = |b: &MaterialBinding| {
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.coat.is_some())
     };
-    // Materials of the payload that none of its prims is bound to any more need not be composed.
+    // Materials of the payload to which none of its prims is bound any more need not be composed.
     let kept: BTreeSet<u32> = bindings.iter().filter(|b| own(b)).map(|b| b.material).collect();
     let inactive = |layer: &mut LayerBuilder, path: &str| {
         let meta = PrimMetadata { over: true, inactive: true, ..PrimMetadata::default() };
@@ -495,7 +498,7 @@ fn rebind_materials(
             inactive(layer, &format!("{scope}/{}", safe_name(name)))?;
         }
     }
-    // Bindings share ancestors, each of which is defined once.
+    // Bindings share ancestors: define each ancestor once.
     let mut defined = BTreeSet::new();
     for MaterialBinding { prim, material } in bindings.iter().filter(|b| !own(b)) {
         // A path of the payload begins with its root prim, which the prim at `path` replaces here; each prim on the way down

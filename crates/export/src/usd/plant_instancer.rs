@@ -17,7 +17,7 @@ use osier_base::files::{Names, safe_name};
 use osier_base::geometry::Bounds;
 use osier_scene::{Placement, Scene, Trs};
 
-/// Names below the root of a scene that placements must not take, beside those of its volumes.
+/// Names below the root of a scene that placements must not take, in addition to the names of its volumes.
 const RESERVED: [&str; 5] = ["camera", "sun", "sky", "fog", "mtl"];
 
 /// A prototype of a plant's instancer: an individual at a phase of the clip.

@@ -1,16 +1,18 @@
 //! Heights of the relief by which materials displace their surface.
 //!
-//! The maps of bark repeat a whole number of times around a branch: on wood thinner than a repeat they are smaller than on the
-//! trunk, and so is the relief that belongs to them. A material of USD has one height for all of its surface, so bark takes that
-//! of its thin wood; the full height would make twigs several times as thick.
+//! The maps of bark repeat a whole number of times around a branch. On wood thinner than a repeat the maps are
+//! therefore smaller than on the trunk, and so is the relief that fits them. A material of USD has a single height for
+//! all of its surface, so bark gets the height that fits its thin wood; the full height would make twigs several times
+//! as thick.
 
 use osier_scene::{Material, MaterialClass, Mesh, Scene};
 
-/// Share of the area of a bark that may be thinner than the wood for which its relief is right. Own: without thinnest tips, which
-/// are a small part of the surface.
+/// Share of the area of a bark that may be thinner than the wood for which the height of its relief is right. Own:
+/// ignores the thinnest tips, which are a small part of the surface.
 const THINNER_SHARE: f64 = 0.1;
-/// Classes of the size of a repeat, and the ratio of neighbouring ones. Own: down to a hundredth of the nominal size.
+/// Number of classes into which the sizes of repeats are sorted. Own: down to a hundredth of the nominal size.
 const CLASSES: usize = 96;
+/// Ratio of the sizes of neighbouring classes.
 const CLASS_RATIO: f32 = 0.95;
 
 /// For each material of a scene the height, m, between the values 0 and 1 of its height map on its surface.
@@ -22,7 +24,8 @@ pub(crate) fn relief_heights(scene: &Scene) -> Vec<f32> {
 fn heights_on<'a>(materials: &[Material], meshes: impl Iterator<Item = &'a Mesh>) -> Vec<f32> {
     let sizes: Vec<f32> =
         (0..CLASSES).scan(1.0, |size, _| Some(std::mem::replace(size, *size * CLASS_RATIO))).collect();
-    // Area, m^2, of each material by the size of a repeat as a share of the nominal one; class k has shares up to `sizes[k]`.
+    // Area, m^2, of each material by the size of a repeat, as a share of its nominal size; class k has shares up to
+    // `sizes[k]`.
     let mut areas = vec![[0.0_f64; CLASSES]; materials.len()];
     let is_relief = |m: &Material| m.class == MaterialClass::Bark && m.maps.height.is_some() && m.tile > 0.0;
     for mesh in meshes.filter(|mesh| !mesh.uvs.is_empty()) {
@@ -38,7 +41,7 @@ fn heights_on<'a>(materials: &[Material], meshes: impl Iterator<Item = &'a Mesh>
     }
     let height = |(material, areas): (&Material, &[f64; CLASSES])| {
         let (all, mut thinner) = (areas.iter().sum::<f64>(), 0.0);
-        // From the smallest repeats on, until they have their share of the area.
+        // Add up classes from the smallest repeats on, until they reach their share of the area.
         let class = (0..CLASSES).rev().find(|k| {
             thinner += areas[*k];
             all > 0.0 && thinner >= THINNER_SHARE * all

@@ -1,11 +1,11 @@
-//! Leaves out time samples that interpolation between their neighbours restores within a tolerance.
+//! Omits time samples that interpolation between their neighbours restores within a tolerance.
 //!
 //! OpenUSD interpolates arrays element by element: positions linearly, quaternions along great circles. The reduction is greedy:
 //! frames wait as long as interpolation between the last written sample and the newest frame restores all of them; when it no
 //! longer does, the frame before the newest is written.
 //!
-//! A sample may be left out if all elements are restored within a strict tolerance, or if nearly all of them are restored so well
-//! that the difference is not visible in the picture of the camera ([`SampleTolerance`]).
+//! A sample can be omitted if all elements are restored within a strict tolerance, or if nearly all of them are restored
+//! so well that the difference is not visible in the picture of the camera ([`SampleTolerance`]).
 
 use glam::{Quat, Vec3};
 
@@ -16,7 +16,7 @@ pub(super) const MAX_GAP: usize = 8;
 /// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep
 /// the samples of all others.
 const SEEN_SHARE: f64 = 0.99;
-/// Most error of the remaining elements, as a multiple of [`SampleTolerance::seen`]. Own.
+/// Largest error of the remaining elements, as a multiple of [`SampleTolerance::seen`]. Own.
 const SEEN_MOST: f32 = 4.0;
 
 /// Error up to which samples are omitted.
@@ -59,7 +59,7 @@ impl Interpolated for Quat {
 pub(super) struct TimeSample<T> {
     pub(super) time: f64,
     pub(super) values: Vec<T>,
-    /// Elements that are not seen at this time, which may have any value; empty: all are seen.
+    /// Whether each element is hidden at this time, so that its value does not matter; empty: all are visible.
     pub(super) unseen: Vec<bool>,
 }
 
@@ -84,7 +84,7 @@ impl<T: Interpolated + PartialEq> SampleReducer<T> {
             self.last = Some(sample.clone());
             return Some(sample);
         }
-        // While nothing moves, its newest frame stands for all: a pause of any length has a sample at both ends.
+        // While nothing moves, only the newest frame waits: a pause of any length has a sample at both ends.
         let rests = |s: &TimeSample<T>| self.last.as_ref().is_some_and(|last| s.values == last.values);
         if rests(&sample) && self.waiting.iter().all(rests) {
             self.waiting = vec![sample];
@@ -121,7 +121,7 @@ impl<T: Interpolated + PartialEq> SampleReducer<T> {
         })
     }
 
-    /// Whether interpolation from `from` to `to` at the parameter `t` restores what is seen of a frame.
+    /// Whether interpolation from `from` to `to` at the parameter `t` restores the visible elements of a frame.
     fn restores(&self, from: &[T], to: &[T], t: f32, frame: &TimeSample<T>) -> bool {
         let TimeSample { values, unseen, .. } = frame;
         let SampleTolerance { strict, seen, levers } = &self.tolerance;

@@ -71,7 +71,7 @@ pub(super) fn define_skel_root(
     let animation = define_animation(cx, layer, &format!("{path}/anim"), skeleton, &joints, extent)?;
     let mut parts: Vec<Box<dyn AnimatedPrim>> = vec![Box::new(animation)];
     let mut inner = Names::default();
-    // The two prims beside the meshes take their names first, so that a mesh of that name gets another.
+    // The skeleton and the animation take their names first, so that a mesh of the same name gets another.
     for name in ["skeleton", "anim"] {
         inner.unique(name);
     }
@@ -196,7 +196,7 @@ pub(crate) fn bind_points(
 /// Weights are multiples of 1/1023 that sum to 1: a crate file holds such an array as a table of at most 1024 values, in less
 /// than half of the bytes. A point is off by at most 1/1023 of the distance between its positions under two of its joints.
 pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
-    // Flat lists of four for each point; `elementSize` says so.
+    // Flat lists with four entries for each point; `elementSize` is 4.
     let joints: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
     let weights: Vec<f32> = skin.weights.iter().flat_map(rounded_weights).collect();
     let influences = PointInfluences { size: 4, joints: &joints, weights: &weights };
@@ -218,7 +218,7 @@ impl AnimatedPrim for SkelAnimation {
             rest = skeleton.rest_pose();
             &rest
         };
-        // Quaternions keep the sign of the frame before, so that readers interpolate the short way.
+        // Quaternions keep the sign of the frame before, so that readers interpolate along the shorter arc.
         let (t, mut r, s) = animation_channels(cx, pose);
         for (q, before) in r.iter_mut().zip(&self.before) {
             *q = nearest_quat(*q, *before);

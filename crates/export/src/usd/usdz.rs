@@ -102,7 +102,7 @@ impl ByteSink for UsdzWriter {
     }
 
     fn put_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
-        // Bytes behind the head are in the checksum already, so only the head can be rewritten.
+        // The bytes after the head are already in the checksum, so only the head can be rewritten.
         let first = limit(offset);
         let slot = first.checked_add(bytes.len()).and_then(|end| self.head.get_mut(first..end));
         slot.ok_or_else(too_large)?.copy_from_slice(bytes);

@@ -85,7 +85,7 @@ pub(crate) fn push_finite_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), u
     if has_non_finite { Err(values.iter().position(|x| !x.is_finite()).unwrap_or(0)) } else { Ok(()) }
 }
 
-/// As [`push_finite_f32`], double precision.
+/// Appends double precision numbers, as [`push_finite_f32`] does.
 pub(crate) fn push_finite_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), usize> {
     for (i, x) in values.iter().enumerate() {
         if !x.is_finite() {
@@ -96,7 +96,7 @@ pub(crate) fn push_finite_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), u
     Ok(())
 }
 
-/// As [`push_finite_f32`], half precision.
+/// Appends half precision numbers, as [`push_finite_f32`] does.
 pub(crate) fn push_finite_f16(values: &[f16], out: &mut Vec<u8>) -> Result<(), usize> {
     const EXPONENT: u16 = 0x7c00;
     const MINUS_ZERO: u16 = 0x8000;

@@ -15,7 +15,7 @@ use osier_scene::{Scene, VolumeFrame, VolumeGrid, VolumeValues};
 
 /// First eight bytes of a file, by which readers recognise OpenVDB.
 const MAGIC: i64 = 0x5644_4220;
-/// Version of the file format; 224 is that of points, of which older readers warn.
+/// Version of the file format; 224 is the version with points, of which older readers warn.
 const FILE_VERSION: u32 = 223;
 /// Version of the library whose format this is.
 const LIBRARY_VERSION: [u32; 2] = [12, 0];
@@ -27,11 +27,13 @@ pub(super) const MAX_VOXELS: u64 = 64_000_000;
 /// Level of zlib, 1 to 9; larger ones take longer and save little on half-precision numbers.
 const ZLIB_LEVEL: u8 = 6;
 
-/// Flags of a grid: its values are compressed, and inactive ones are left out.
+/// Flag of a grid: its values are compressed.
 const ZIP: u32 = 1;
+/// Flag of a grid: inactive values are omitted.
 const ACTIVE_ONLY: u32 = 2;
-/// Codes before values: inactive ones are the background; all values follow.
+/// Code before values: only active values follow, inactive ones equal the background.
 const INACTIVE_IS_BACKGROUND: u8 = 0;
+/// Code before values: all values follow.
 const ALL_VALUES: u8 = 6;
 
 /// A grid with its values at the frame of the file.
@@ -169,7 +171,7 @@ impl<'a> GridEncoder<'a> {
                 vector.copy_from_slice(&options.up.stage_vec(glam::Vec3::from_slice(vector)).to_array());
             }
         }
-        // Half precision ends at 65504: a count in a very small cell may exceed it.
+        // Half precision ends at 65504, which a number density of very small cells may exceed.
         let largest = leaves.iter().flat_map(|l| &l.values).fold(0.0, |most: f32, v| most.max(v.abs()));
         let half = options.half && largest <= f16::MAX.to_f32();
         Ok(Self { grid, leaves, components, half, zip: options.zip, up: options.up })
@@ -257,7 +259,7 @@ impl<'a> GridEncoder<'a> {
         let roots: Vec<&[Leaf]> = self.leaves.chunk_by(|a, b| a.key.root == b.key.root).collect();
         out.put_u32(0);
         out.put_count(roots.len());
-        // Inner nodes hold no values, but their empty blocks are written; all of a level are alike.
+        // Inner nodes hold no values, but their empty blocks are written; all nodes of a level have equal blocks.
         let (values_5, values_4) = (self.inner_values(CHILDREN_5), self.inner_values(CHILDREN_4));
         for root in roots {
             root[0].key.root.iter().for_each(|c| out.put(&c.to_le_bytes()));
@@ -271,7 +273,7 @@ impl<'a> GridEncoder<'a> {
         }
     }
 
-    /// Values of an inner node, which has no tiles: none, or zeros.
+    /// Values of an inner node, which has no tiles: an empty list, or zeros.
     fn inner_values(&self, slots: usize) -> Vec<u8> {
         let count = if self.flags() & ACTIVE_ONLY == 0 { slots * self.components } else { 0 };
         self.value_block(&vec![0.0; count])
@@ -285,8 +287,8 @@ impl<'a> GridEncoder<'a> {
         }
     }
 
-    /// A code, then the numbers; zipped after the length of the stream, or after the negative length of the plain bytes where
-    /// those are shorter.
+    /// A code, then the numbers. With zlib: the length of the compressed stream and the stream, or, if the plain bytes
+    /// are shorter, their negated length and the plain bytes.
     fn value_block(&self, values: &[f32]) -> Vec<u8> {
         let plain: Vec<u8> = if self.half {
             values.iter().flat_map(|v| f16::from_f32(v + 0.0).to_le_bytes()).collect()
@@ -311,7 +313,7 @@ impl<'a> GridEncoder<'a> {
     }
 }
 
-/// Masks of a node: bits of the children, then those of values, none.
+/// Masks of a node: the bits of its children, then those of its values, all 0.
 fn put_child_mask(out: &mut VdbBytes, slots: usize, children: impl Iterator<Item = u32>) {
     let mut mask = vec![0_u8; slots / 8];
     children.for_each(|n| mask[n as usize / 8] |= 1 << (n % 8));

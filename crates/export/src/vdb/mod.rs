@@ -19,8 +19,8 @@ use osier_scene::{Frame, Scene, VolumeGrid};
 
 /// Bytes of a grid without voxels: inner nodes, descriptor and metadata, measured.
 const GRID_BYTES: u64 = 10_000;
-/// Bytes per element and scalar grid, measured. An element lies in one of two grids and takes 100 bytes there if all elements are
-/// scattered, 7 if most lie side by side; half of 100 is counted for each grid.
+/// Bytes per element and scalar grid, measured. An element lies in one of two grids. It takes 100 bytes there if all
+/// elements are scattered, 7 if most lie side by side; half of 100 is counted for each grid.
 const SCALAR_CELL: u64 = 50;
 /// Bytes per cell of a dense, zipped grid of vectors for each byte of a number; measured.
 const VECTOR_CELL: u64 = 3;
@@ -55,7 +55,7 @@ pub(crate) fn volume_path(scene: &Scene, file: &str, frame: u32) -> String {
     format!("vdb/{file}_{}.vdb", scene.clip.tag(frame))
 }
 
-/// Refuses a dense grid (of vectors) with more cells than a file may have. `frame`: number for the message.
+/// Fails for a dense grid (of vectors) with more cells than a file may have. `frame`: number for the message.
 /// # Errors
 /// X010.
 pub fn check_dense_grid(grid: &VolumeGrid, frame: u32) -> Result<()> {
@@ -89,7 +89,7 @@ impl VdbExporter {
 
 impl Exporter for VdbExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
-        // A dense grid is refused before anything is simulated, as its size is known.
+        // Refuse a dense grid here, before anything is simulated, as its size is known.
         scene.volumes.iter().try_for_each(|grid| check_dense_grid(grid, scene.clip.start))?;
         self.scene = Some(Arc::clone(scene));
         Ok(())

@@ -9,10 +9,10 @@ use osier_scene::{VolumeCells, VolumeFrame, VolumeValues};
 const LEAF_VOXELS: usize = 512;
 /// Edge of a leaf in cells.
 const LEAF_SIDE: usize = 8;
-/// Values up to this far from the background, 0, are inactive.
+/// Values no farther than this from the background, 0, are inactive.
 const INACTIVE: f32 = 1e-6;
 
-/// Where a leaf is in the tree. The order is that of the file.
+/// Position of a leaf in the tree. The order is that of the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct LeafKey {
     /// Lowest cell of the child of the root, multiples of 4096.
@@ -59,9 +59,9 @@ impl Leaf {
         (!leaf.values.is_empty()).then_some(leaf)
     }
 
-    /// Numbers of all voxels: those of the active ones, else 0.
+    /// Numbers of all voxels: 0 for inactive ones.
     pub(super) fn all_values(&self, components: usize) -> Vec<f32> {
-        // The values of a leaf are packed; each goes to the voxel of the next set bit.
+        // The list of values is packed: each value belongs to the voxel of the next set bit.
         let mut all = vec![0.0; LEAF_VOXELS * components];
         let active = (0..LEAF_VOXELS).filter(|n| self.mask[n / 8] >> (n % 8) & 1 == 1);
         for (slot, value) in active.zip(self.values.chunks_exact(components)) {
@@ -105,7 +105,7 @@ pub(super) fn leaves(volume: &VolumeFrame) -> Vec<Leaf> {
 }
 
 fn list_leaves(cells: &[[i32; 3]], values: &VolumeValues) -> Vec<Leaf> {
-    // Sorting by leaf and voxel puts the cells of each leaf side by side.
+    // Sort by leaf and voxel, so that the cells of each leaf are adjacent.
     let located = cells.iter().enumerate().map(|(i, cell)| (LeafKey::of(*cell), i));
     let mut voxels: Vec<((LeafKey, usize), usize)> = located.collect();
     voxels.sort_unstable();

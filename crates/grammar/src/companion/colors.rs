@@ -4,11 +4,11 @@ use crate::notation::Notation;
 use osier_base::math::narrow;
 use osier_base::units::linear_from_srgb;
 
-/// Colour indices are bytes.
+/// Number of colour indices, which are bytes.
 const COUNT: usize = 256;
 /// Bytes of a material record: index, transparency, ambient, diffuse, emissive and specular colour, shininess.
 const RECORD: usize = 15;
-/// Roughness of colours of a map; the files hold none. Own: a dull surface, as of leaves and stems.
+/// Roughness of the colours of a colour map, whose files hold none. Own: a dull surface, as of leaves and stems.
 const ROUGHNESS: f32 = 0.55;
 
 /// Sixteen colours that are easy to distinguish, sRGB. Own: the colours of plants first, in the order in which `;` meets them
@@ -89,7 +89,7 @@ pub struct SurfaceColor {
     pub base: [f32; 3],
     /// 0 mirror to 1 matt.
     pub roughness: f32,
-    /// Share of light that passes, 0 to 1.
+    /// Fraction of light that passes through, 0 to 1.
     pub transparency: f32,
 }
 
@@ -100,7 +100,8 @@ pub struct ColorTable {
 }
 
 impl Default for ColorTable {
-    /// Sixteen colours over and over: index i has that of i modulo 16, from brown (0) over greens, yellow and red to black (15).
+    /// Sixteen colours, repeated: index i has the colour of i modulo 16, from brown (0) over greens, yellow and red to black
+    /// (15).
     fn default() -> Self {
         Self { colors: PALETTE.iter().cycle().take(COUNT).map(|c| plain(*c)).collect() }
     }
@@ -115,7 +116,7 @@ fn linear(byte: u8) -> f32 {
 }
 
 impl ColorTable {
-    /// Palette that the program of a notation uses by default.
+    /// Default palette of the program that a notation belongs to.
     pub fn of(notation: Notation) -> Self {
         let repeated =
             |palette: &[[u8; 3]]| Self { colors: palette.iter().cycle().take(COUNT).map(|c| plain(*c)).collect() };
@@ -130,9 +131,10 @@ impl ColorTable {
         }
     }
 
-    /// A colour map: 256 times red, green and blue as sRGB bytes. A shorter one leaves the other indices as they are by default.
+    /// Reads a colour map: 256 times red, green and blue as sRGB bytes. A shorter map keeps the default colours of the other
+    /// indices.
     /// # Errors
-    /// What is wrong with the bytes.
+    /// A message if the bytes are not a colour map.
     pub fn from_map(bytes: &[u8]) -> Result<Self, String> {
         let expected = "a colour map is 256 times 3 bytes (768)";
         if bytes.is_empty() || bytes.len() > COUNT * 3 || !bytes.len().is_multiple_of(3) {
@@ -145,9 +147,10 @@ impl ColorTable {
         Ok(table)
     }
 
-    /// A material file: records of 15 bytes, each of which begins with its index. The diffuse colour is the base colour.
+    /// Reads a material file: records of 15 bytes, each of which begins with its index. The diffuse colour becomes the base
+    /// colour.
     /// # Errors
-    /// What is wrong with the bytes.
+    /// A message if the bytes are not a material file.
     pub fn from_mat(bytes: &[u8]) -> Result<Self, String> {
         if bytes.is_empty() || !bytes.len().is_multiple_of(RECORD) {
             return Err(format!(
@@ -169,7 +172,7 @@ impl ColorTable {
         Ok(table)
     }
 
-    /// Replaces entries by pairs of index and sRGB colour; these entries become opaque, with the roughness of colour maps.
+    /// Sets colours by pairs of index and sRGB colour; these entries become opaque, with the roughness of colour maps.
     #[must_use]
     pub fn with(mut self, colors: &[(u8, [u8; 3])]) -> Self {
         for (index, srgb) in colors {
@@ -178,7 +181,7 @@ impl ColorTable {
         self
     }
 
-    /// Material of an index; a table has all 256.
+    /// Material of an index; the table has an entry for all 256 indices.
     pub fn get(&self, index: u8) -> SurfaceColor {
         self.colors.get(usize::from(index)).copied().unwrap_or(plain(PALETTE[0]))
     }

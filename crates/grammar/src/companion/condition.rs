@@ -1,12 +1,12 @@
 //! Conditions of `#if` in views.
 
-/// Levels of parentheses and signs in one condition.
+/// Limit on the nesting of parentheses and signs in one condition.
 const MAX_DEPTH: u32 = 64;
-/// Operators of two values from the loosest to the tightest; of those that begin alike the longer one is first.
+/// Binary operators, from the lowest to the highest precedence; within a level longer operators come before their prefixes.
 static LEVELS: [&[&str]; 6] = [&["||"], &["&&"], &["==", "!="], &["<=", ">=", "<", ">"], &["+", "-"], &["*", "/", "%"]];
 
-/// Does a condition hold whose macros have been replaced? Whole numbers with the operators of C; a name counts 0. `None` for
-/// anything else.
+/// Evaluates a condition whose macros are already replaced: whole numbers with the operators of C, names count as 0. `None`
+/// if the text is anything else.
 pub(super) fn holds(text: &str) -> Option<bool> {
     let mut condition = Condition { rest: text.trim_start(), depth: 0 };
     let value = condition.binary(0)?;
@@ -19,7 +19,7 @@ struct Condition<'t> {
 }
 
 impl Condition<'_> {
-    /// Passes `text` and the blanks after it, if it comes next.
+    /// Consumes `text` and the blanks after it if it comes next; returns whether it did.
     fn take(&mut self, text: &str) -> bool {
         let rest = self.rest.strip_prefix(text).map(str::trim_start);
         self.rest = rest.unwrap_or(self.rest);

@@ -4,8 +4,8 @@ use super::words::Reader;
 use crate::{Spline, SplineEnds};
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
-/// Upper limits on the points of a contour, counted with multiplicity, and on the contours of a set: lengths are measured chord
-/// by chord.
+/// Upper limit on the points of a contour, counted with multiplicity, and on the contours of a set, since measuring lengths
+/// takes time for each point.
 const MAX_POINTS: usize = 1024;
 const MAX_CONTOURS: usize = 256;
 
@@ -16,20 +16,21 @@ pub struct ContourFile {
     pub name: String,
     /// From `type: closed`: the spline joins its last point to its first.
     pub closed: bool,
-    /// Control points, each as often as its multiplicity says.
+    /// Control points, each repeated according to its multiplicity.
     pub points: Vec<[f64; 3]>,
 }
 
 impl ContourFile {
-    /// The cubic B-spline of the points with uniform knots. An open one ends inside its outermost points unless these are
-    /// repeated.
+    /// The cubic B-spline of the points, with uniform knots. An open spline ends before its outermost points unless these
+    /// are repeated.
     pub fn spline(&self) -> Spline {
         Spline::new(&self.points, if self.closed { SplineEnds::Closed } else { SplineEnds::Open })
     }
 }
 
-/// Reads a contour or a set of contours, in any version of the format: `cver`, `version:`, sets, and the older form whose first line has
-/// the number of points, their dimension and `open` or `closed`. Returns what could be read, with L048 for what could not.
+/// Reads a contour or a set of contours in any version of the format: `cver`, `version:`, sets, and the older form whose
+/// first line has the number of points, their dimension and `open` or `closed`. Returns the readable contours, with L048 for
+/// the rest.
 pub fn read_contours(text: &str, source: SourceId) -> (Vec<ContourFile>, Vec<Diagnostic>) {
     let mut reader = Reader::new(text, source);
     let mut contours = Vec::new();
@@ -61,7 +62,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<ContourFile> {
             "points:" => {
                 reader.take();
                 count = Some(reader.count("the number of points")?);
-                // A second number counts the points with their multiplicity.
+                // A second number repeats the point count, including multiplicities.
                 if reader.peek().is_some_and(|w| w.line == word.line) {
                     reader.take_line();
                 }
@@ -70,7 +71,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<ContourFile> {
                 let line = reader.take_line();
                 contour.closed = line.get(1).is_some_and(|w| w.text.starts_with('c'));
             }
-            // The rows begin with a number.
+            // A line that begins with a number begins the rows of points.
             _ if word.number().is_some() => {
                 let Some(count) = count else {
                     reader.expected("'points:'");
@@ -79,7 +80,8 @@ fn read_one(reader: &mut Reader<'_>) -> Option<ContourFile> {
                 contour.points = rows(reader, count, 3)?;
                 return Some(contour);
             }
-            // Further properties in either version: items, samples, contact point, heading, up, size, range, ..
+            // Further properties of either version are skipped: items, samples, contact point, heading, up, size, range and
+            // others.
             text if text.ends_with(':') || text == "cver" => {
                 reader.take_line();
             }
@@ -96,7 +98,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<ContourFile> {
     None
 }
 
-/// `12 2 closed`, then the points.
+/// Reads the older form: `12 2 closed`, then the points.
 fn old_form(reader: &mut Reader<'_>) -> Option<ContourFile> {
     let count = reader.count("the number of points")?;
     let dimension = reader.count("the dimension of the points, 2 or 3")?;
@@ -112,7 +114,7 @@ fn old_form(reader: &mut Reader<'_>) -> Option<ContourFile> {
     Some(ContourFile { name: String::new(), closed, points: rows(reader, count, dimension.clamp(2, 3))? })
 }
 
-/// Rows of `dimension` numbers with an optional multiplicity.
+/// Reads rows of `dimension` numbers with an optional multiplicity.
 fn rows(reader: &mut Reader<'_>, count: usize, dimension: usize) -> Option<Vec<[f64; 3]>> {
     let mut points = Vec::new();
     for _ in 0..count {
@@ -123,7 +125,7 @@ fn rows(reader: &mut Reader<'_>, count: usize, dimension: usize) -> Option<Vec<[
         let line = reader.peek().map(|w| w.line);
         let mut point = [0.0; 3];
         for (i, v) in point.iter_mut().take(dimension).enumerate() {
-            // Points of the plane may leave out their z.
+            // Points of a plane contour may omit z.
             if i < 2 || reader.peek().is_some_and(|w| Some(w.line) == line) {
                 *v = reader.number("a coordinate of a point")?;
             }

@@ -4,32 +4,33 @@ use super::words::Reader;
 use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
-/// Most points of a function, counted with their multiplicity, and most functions of a set: beyond this a file is damaged.
+/// Upper limit on the points of a function, counted with multiplicity, and on the functions of a set: larger files are
+/// damaged.
 const MAX_POINTS: usize = 4096;
 const MAX_FUNCTIONS: usize = 256;
-/// Most samples of a function times its points: each sample searches all points.
+/// Upper limit on samples times points of a function, since each sample searches all points.
 const MAX_WORK: usize = 500_000;
 
-/// Control points and sampling of a function y(x), as its file gives them.
+/// Control points and number of samples of a function y(x), as given in its file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FunctionFile {
     /// Its name; empty if the file has none.
     pub name: String,
-    /// Number of samples that it is tabulated with; 0: none.
+    /// Number of samples to tabulate the function with; 0 if it is not tabulated.
     pub samples: usize,
-    /// Control points (x, y), each as often as its multiplicity says.
+    /// Control points (x, y), each repeated according to its multiplicity.
     pub points: Vec<[f64; 2]>,
 }
 
 impl FunctionFile {
-    /// Sets the number of samples, as `function: FILE n` does; a function of very many points has fewer.
+    /// Sets the number of samples, as `function: FILE n` does; functions with very many points are limited to fewer samples.
     pub fn tabulate(&mut self, samples: u32) {
         self.samples = to_usize(samples).min(MAX_WORK / self.points.len().max(1));
     }
 }
 
-/// Reads a function or a set of functions, in any version of the format: `fver`, sets, and the older form that begins with `range:`.
-/// Returns what could be read, with L048 for what could not.
+/// Reads a function or a set of functions in any version of the format: `fver`, sets, and the older form that begins with
+/// `range:`. Returns the readable functions, with L048 for the rest.
 pub fn read_functions(text: &str, source: SourceId) -> (Vec<FunctionFile>, Vec<Diagnostic>) {
     let mut reader = Reader::new(text, source);
     let mut functions = Vec::new();
@@ -46,7 +47,7 @@ pub fn read_functions(text: &str, source: SourceId) -> (Vec<FunctionFile>, Vec<D
     (functions, reader.report)
 }
 
-/// The next function; `None` if nothing more can be read.
+/// Reads the next function; `None` if no more can be read.
 fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
     let mut function = FunctionFile::default();
     while let Some(word) = reader.peek() {
@@ -61,12 +62,12 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
             }
             "points:" => {
                 reader.take();
-                function.points = points(reader)?;
-                // Each sample searches all points: the product bounds the time.
+                function.points = read_points(reader)?;
+                // Each sample searches all points, so that the product of both bounds the time.
                 function.samples = function.samples.min(MAX_WORK / function.points.len().max(1));
                 return Some(function);
             }
-            // Marks of the editor of functions, each on a line: `m0 0.2 0.5`.
+            // Marks that the function editor stores, one a line: `m0 0.2 0.5`.
             "markers:" => {
                 reader.take();
                 let count = reader.count("the number of markers")?;
@@ -85,15 +86,15 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
             }
         }
     }
-    // The file ends within a function, unless nothing of it was read yet.
+    // The file ends within a function, unless nothing of that function was read yet.
     if !function.name.is_empty() || function.samples > 0 {
         reader.expected("'points:' and the points of the function");
     }
     None
 }
 
-/// The points after `points:`, one a line, with an optional multiplicity.
-fn points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
+/// Reads the points after `points:`, one a line, with an optional multiplicity.
+fn read_points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
     let count = reader.count("the number of points")?;
     let mut points = Vec::new();
     for _ in 0..count {

@@ -1,7 +1,7 @@
 //! Companion files of a grammar: colours, views, functions, contours, surfaces.
 //!
-//! Nothing here opens files: bytes or text go in, structs and diagnostics come out. Damaged files are L048 with what is wrong;
-//! whatever can be read of them is used.
+//! Nothing here opens files: functions take bytes or text and return structs and diagnostics. Damage in a file is reported
+//! as L048, and the readable part is used.
 //!
 //! ```
 //! use osier_grammar::companion::ColorTable;

@@ -9,13 +9,13 @@ const MAX_ITEMS: usize = 1_000_000;
 /// Sixteen control points of a bicubic Bezier patch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfacePatch {
-    /// Colour index of the upper side, 1 to 255; `None`, also for index 0 of the file: the turtle's colour.
+    /// Colour index of the upper side, 1 to 255; `None` for the turtle's colour, which index 0 of the file also selects.
     pub color: Option<u8>,
     /// Control points `points[row][column]` in the coordinates of the file.
     pub points: [[[f64; 3]; 4]; 4],
 }
 
-/// Patches of a surface and how it stands at the turtle, in units of the file.
+/// Patches of a surface and its placement relative to the turtle, in units of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfaceFile {
     /// Point of the surface that is placed at the turtle.
@@ -24,16 +24,16 @@ pub struct SurfaceFile {
     pub end: [f64; 3],
     /// Direction in the file that is aligned with the turtle's heading.
     pub heading: [f64; 3],
-    /// Direction in the file that is aligned with the turtle's up vector, in the sign of cpfg.
+    /// Direction in the file that is aligned with the turtle's up vector, whose sign is that of cpfg.
     pub up: [f64; 3],
     /// Length in the file that equals one turtle unit.
     pub size: f64,
-    /// In the order of the file; not empty if it was read from a file.
+    /// Patches in file order; not empty if read from a file.
     pub patches: Vec<SurfacePatch>,
 }
 
 impl SurfaceFile {
-    /// A point of the file in organ space: X to the right of the turtle, Y ahead, Z up; in units of `size`.
+    /// Converts a point of the file to organ space: X to the right of the turtle, Y ahead, Z up; in units of `size`.
     /// Source: r = q - contact; l = h x u, v = r.x l + r.y h + r.z (l x h), organ point (-v.x, v.y, -v.z), which is r for the
     /// usual h = +Y and u = -Z.
     pub fn organ_point(&self, q: [f64; 3]) -> [f64; 3] {
@@ -55,9 +55,9 @@ fn unit(v: [f64; 3], fallback: [f64; 3]) -> [f64; 3] {
     if length > 1e-12 { v.map(|c| c / length) } else { fallback }
 }
 
-/// Reads a surface of Bezier patches: three rows of least and greatest coordinates, contact point, end point, heading, up, size, then
-/// patches of a name, colours, three lines of neighbours and four rows of four points. `None` without any patch; L048 for what cannot be
-/// read.
+/// Reads a surface of Bezier patches: three rows of minimum and maximum coordinates, contact point, end point, heading, up,
+/// size; then for each patch a name, colours, three lines of neighbours and four rows of four points. `None` if there is no
+/// patch; L048 for unreadable parts.
 pub fn read_surface(text: &str, source: SourceId) -> (Option<SurfaceFile>, Vec<Diagnostic>) {
     let mut reader = Reader::new(text, source);
     let surface = surface(&mut reader);
@@ -65,7 +65,7 @@ pub fn read_surface(text: &str, source: SourceId) -> (Option<SurfaceFile>, Vec<D
 }
 
 fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
-    // The bounding box, in one row or in three, is not needed: the points give it.
+    // Skip the bounding box, in one row or in three: the points define it.
     while reader.peek().is_some_and(|w| w.number().is_some()) {
         reader.take();
     }
@@ -83,7 +83,7 @@ fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
             Some("END") => out.end = vector(reader, "the end point")?,
             Some("HEADING") => out.heading = vector(reader, "the heading")?,
             Some("UP") => out.up = vector(reader, "the up vector")?,
-            // cpfg's sampling of the patches, which has no effect here.
+            // Skip cpfg's sampling of the patches, which has no effect here.
             Some("PRECISION") => {
                 reader.take_line();
             }
@@ -109,7 +109,7 @@ fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
         }
     }
     if out.patches.is_empty() {
-        // Without an earlier complaint the file ends where a patch should begin.
+        // If no error was reported, the file ends where a patch should begin.
         if reader.report.is_empty() {
             reader.expected("a patch");
         }
@@ -118,7 +118,7 @@ fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
     Some(out)
 }
 
-/// `HEADING X: 0 Y: 1 Z: 0`: three numbers among words.
+/// Reads three numbers among words: `HEADING X: 0 Y: 1 Z: 0`.
 fn vector(reader: &mut Reader<'_>, what: &str) -> Option<[f64; 3]> {
     let line = reader.peek().map(|w| w.line);
     let mut found = [0.0; 3];
@@ -140,15 +140,15 @@ fn vector(reader: &mut Reader<'_>, what: &str) -> Option<[f64; 3]> {
     Some(found)
 }
 
-/// The number of `1.5` or of `X:1.5`.
+/// The number in `1.5` or `X:1.5`.
 fn number_behind_colon(word: Word<'_>) -> Option<f64> {
     let text = word.text.rsplit(':').next().unwrap_or(word.text);
     text.parse::<f64>().ok().filter(|v| v.is_finite())
 }
 
-/// Lines of name, colours and neighbours, then 16 points.
+/// Reads a patch: lines of name, colours and neighbours, then 16 points.
 fn patch(reader: &mut Reader<'_>) -> Option<SurfacePatch> {
-    // The name may be a number, so that the first line is never one of points.
+    // Skip the first line as a whole, because the name may be a number.
     reader.take_line();
     let mut color = None;
     while let Some(word) = reader.peek().filter(|w| w.number().is_none()) {
@@ -165,25 +165,25 @@ fn patch(reader: &mut Reader<'_>) -> Option<SurfacePatch> {
     Some(SurfacePatch { color, points })
 }
 
-/// `None` outside 0 to 255.
+/// A colour index; `None` outside 0 to 255.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
 fn index(value: f64) -> Option<u8> {
     (0.0..256.0).contains(&value).then_some(value as u8)
 }
 
-/// A triangle of a `.ray` file, a surface with a normal at each corner.
+/// A triangle of a `.ray` file, with a normal at each corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceTriangle {
-    /// Corners in units of the file, in either winding relative to the normals.
+    /// Corners in units of the file; their winding need not agree with the normals.
     pub points: [[f64; 3]; 3],
-    /// Normals at the corners, as the file has them: not normalised.
+    /// Normals at the corners as given in the file, of any length.
     pub normals: [[f64; 3]; 3],
     /// Texture coordinates at the corners, if the file has them.
     pub uvs: Option<[[f64; 2]; 3]>,
 }
 
-/// Reads triangles: the word `triangle`, then three rows of a point, a normal and, if they are there, texture coordinates. Returns what
-/// could be read, with L048 for what could not.
+/// Reads triangles: the word `triangle`, then three rows of a point, a normal and optional texture coordinates. Returns the
+/// readable triangles, with L048 for the rest.
 pub fn read_ray(text: &str, source: SourceId) -> (Vec<SurfaceTriangle>, Vec<Diagnostic>) {
     let mut reader = Reader::new(text, source);
     let mut out = Vec::new();

@@ -11,7 +11,8 @@ use osier_base::files::{Encoding, decode};
 const MAX_FILES: usize = 256;
 /// Levels of `#include` in a view; deeper ones are L048.
 const MAX_DEPTH: usize = 32;
-/// Upper limits: bytes of a view with its includes, and of one line macro replacements and the bytes that they make.
+/// Upper limits: bytes of a view with its includes; and for one line, the number of macro replacements and the bytes they
+/// produce.
 const MAX_BYTES: usize = 1 << 24;
 const MAX_REPLACEMENTS: usize = 1000;
 const MAX_EXPANDED: usize = 1 << 16;
@@ -19,7 +20,7 @@ const MAX_EXPANDED: usize = 1 << 16;
 /// Values of `line style:`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineStyle {
-    /// Lines whose widths are pixels.
+    /// Lines with widths in pixels.
     Pixel,
     /// Flat polygons of the line's width.
     Polygon,
@@ -34,37 +35,37 @@ pub struct FileLine {
     pub file: String,
     /// The whole line, for messages.
     pub span: Span,
-    /// Number after or before the name: samples of a function, number of a contour.
+    /// Number before or after the name: samples of a function, or number of a contour.
     pub number: Option<u32>,
 }
 
-/// A line of the view that gives a letter its surface.
+/// A line of the view that assigns a surface to a letter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfaceLine {
-    /// Letter that draws the surface where it stands after `~`.
+    /// Letter that draws the surface when it follows `~`.
     pub letter: char,
     /// File of the surface, relative to the view; its `number` is `None`.
     pub file: FileLine,
-    /// Turtle units per unit of the surface, above 0; 1 if the line has no number.
+    /// Turtle units per unit of the surface file, above 0; 1 if the line gives no number.
     pub scale: f64,
-    /// Quads along and across each patch, 0 to 256; `None` if the line gives none.
+    /// Number of quads along and across each patch, 0 to 256; `None` if the line gives none.
     pub quads: Option<[u32; 2]>,
-    /// Number of its texture in the order of the view, from 1; `None` for none.
+    /// Number of the texture, counted from 1 in the order of the view; `None` for none.
     pub texture: Option<u32>,
 }
 
-/// A tropism or torque of the view: the direction that the turtle turns to, and how strongly.
+/// A tropism or torque of the view: the direction that the turtle bends to, and its strength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewTropism {
-    /// Direction that the heading turns to.
+    /// Direction that the heading turns towards.
     pub dir: [f64; 3],
-    /// Angle to it at rest, degrees.
+    /// Angle between heading and `dir` at rest, degrees.
     pub angle: f64,
-    /// Strength of the turn, -1 to 1; a negative one turns away from `dir`.
+    /// Strength of the turn, -1 to 1; negative values turn away from `dir`.
     pub intensity: f64,
-    /// Elasticity that the turtle starts with.
+    /// Initial elasticity.
     pub elasticity: f64,
-    /// What `@Ti` without a parameter adds.
+    /// Increment of the elasticity by `@Ti` without a parameter.
     pub step: f64,
     /// True for `torque:`, which turns the turtle about its heading; false for `tropism:`, which turns the heading.
     pub torque: bool,
@@ -73,57 +74,57 @@ pub struct ViewTropism {
 /// What a view file sets; what it does not set is `None` or empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct View {
-    /// Turn without a parameter, degrees.
+    /// Angle of rotation commands without a parameter, degrees.
     pub angle: Option<f64>,
-    /// Line width at the start, in pixels if `line` is that or `None`, else in units of the turtle.
+    /// Initial line width, in pixels if `line` is `Pixel` or `None`, else in turtle units.
     pub width: Option<f64>,
-    /// What `#` and `!` without a parameter add and take.
+    /// Increment of the line width by `#` and decrement by `!`, without a parameter.
     pub width_increment: Option<f64>,
-    /// Shape of segments, from `line style:` and from the unit of `initial line width:`, of which the last one counts.
+    /// Shape of segments, set by `line style:` or by the unit of `initial line width:`; the last such line counts.
     pub line: Option<LineStyle>,
-    /// Whether segments taper to the next width.
+    /// Whether segments taper to the width of the next one.
     pub tapered: Option<bool>,
-    /// Colour index at the start.
+    /// Initial colour index.
     pub color: Option<u8>,
-    /// What `;` and `,` without a parameter add and take.
+    /// Increment of the colour index by `;` and decrement by `,`, without a parameter.
     pub color_increment: Option<u8>,
-    /// Factor on lengths and widths at the start.
+    /// Initial scale factor of lengths and widths.
     pub scale: Option<f64>,
-    /// Factor of `@D` without a parameter.
+    /// Scale factor of `@D` without a parameter.
     pub scale_multiplier: Option<f64>,
-    /// Number of sides of round contours.
+    /// Number of sides of circular cross sections.
     pub sides: Option<u32>,
-    /// Whether generalised cylinders turn with the turtle.
+    /// Whether the cross section of generalised cylinders turns with the turtle.
     pub twist: Option<bool>,
-    /// Whether what stands after a `%` of the final string is drawn.
+    /// Whether the parts of the final string after a `%` are drawn.
     pub past_cut: Option<bool>,
     /// Tropisms and torques in the order of the file.
     pub tropisms: Vec<ViewTropism>,
-    /// From `tropism direction:`, the older tropism of cpfg, which has no angle and no intensity.
+    /// Direction of the older tropism of cpfg (`tropism direction:`), which has no angle and no intensity.
     pub old_direction: Option<[f64; 3]>,
-    /// Elasticity of the older tropism that the turtle starts with.
+    /// Initial elasticity of the older tropism.
     pub old_elasticity: Option<f64>,
-    /// What `_` without a parameter adds to the elasticity of the older tropism.
+    /// Increment of the elasticity of the older tropism by `_` without a parameter.
     pub old_increment: Option<f64>,
-    /// Lines `surface:` in order; most files hold patches, a few hold triangles.
+    /// Lines `surface:` in file order; most of their files hold patches, a few hold triangles.
     pub surfaces: Vec<SurfaceLine>,
     /// Lines `tsurface:` in order; their files hold triangles.
     pub triangles: Vec<SurfaceLine>,
-    /// Files of textures in the order of the view; the first has number 1.
+    /// Texture files in the order of the view; the first one has number 1.
     pub textures: Vec<FileLine>,
     /// Lines `contour:` in order; `number` is the number of the contour.
     pub contours: Vec<FileLine>,
     /// Lines `contour set:` in order; each file holds several contours, and `number` is `None`.
     pub contour_sets: Vec<FileLine>,
-    /// Functions and sets of functions in the order of the file; a set gives no number of samples.
+    /// Functions and sets of functions in file order; a set has no number of samples.
     pub functions: Vec<FileLine>,
 }
 
-/// Finds a file that a view includes: its name for messages and its bytes.
+/// Reads a file that a view includes; returns its name for messages and its bytes.
 pub type ViewInclude<'a> = dyn FnMut(&str) -> Result<(String, Vec<u8>), String> + 'a;
 
-/// Reads a view. `name`: for messages; the text is added to `sources`. Returns it with its warnings: L048 for damaged lines and
-/// for includes that cannot be read, L047 for lines that have no effect here.
+/// Reads a view, whose text is added to `sources`. `name`: for messages. Returns the view with its warnings: L048 for
+/// damaged lines and for unreadable includes, L047 for lines that have no effect here.
 pub fn read_view(
     name: &str,
     bytes: &[u8],
@@ -145,18 +146,18 @@ struct ViewReader<'a, 'b> {
     bytes: usize,
 }
 
-/// A line of a view: its text with macros replaced, and its place.
+/// A line of a view after macro replacement, and its place.
 struct Line<'a> {
     words: Vec<Word<'a>>,
     span: Span,
 }
 
-/// An `#if`, `#ifdef` or `#ifndef` whose `#endif` has not come yet.
+/// An `#if`, `#ifdef` or `#ifndef` that is not closed by `#endif` yet.
 #[derive(Debug, Clone, Copy)]
 struct Conditional {
-    /// The lines of the current branch count.
+    /// True if the lines of the current branch are read.
     counts: bool,
-    /// A branch up to here has counted, so that `#else` does not.
+    /// True if a branch so far was read, so that `#else` is not.
     has_counted: bool,
 }
 
@@ -183,7 +184,7 @@ impl ViewReader<'_, '_> {
         for line in text.split('\n') {
             let span = Span::new(source, start, start + line.trim_end().len());
             start += line.len() + 1;
-            // A line is read only if every `#if` around it is in the branch whose condition holds.
+            // A line is read only if it is in the branch that holds of every `#if` around it.
             let counts = open.iter().all(|o| o.counts);
             if let Some(directive) = line.trim_start().strip_prefix('#') {
                 self.directive(directive, span, counts, &mut open, depth);
@@ -198,7 +199,7 @@ impl ViewReader<'_, '_> {
         let text = text.trim();
         let (word, rest) = text.split_at(text.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(text.len()));
         let rest = rest.trim();
-        // Definitions and includes of branches that do not count are passed over.
+        // Skip definitions and includes in branches that do not hold.
         match word {
             "define" if counts => {
                 let (name, body) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -248,7 +249,7 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    /// Does the condition of an `#if` hold? L048 and false if it cannot be read.
+    /// Evaluates the condition of an `#if`; L048 and false if it cannot be parsed.
     fn condition(&mut self, text: &str, span: Span) -> bool {
         let holds = condition::holds(&self.expand(&self.without_defined(text)));
         if holds.is_none() {
@@ -257,7 +258,7 @@ impl ViewReader<'_, '_> {
         holds.unwrap_or(false)
     }
 
-    /// `defined(X)` and `defined X` as 1 or 0, before macros are replaced.
+    /// Replaces `defined(X)` and `defined X` by 1 or 0, before macros are expanded.
     fn without_defined(&self, text: &str) -> String {
         let mut parts = text.split("defined");
         let mut out = parts.next().unwrap_or("").to_owned();
@@ -272,11 +273,11 @@ impl ViewReader<'_, '_> {
         out
     }
 
-    /// Replaces macros, also within replacements, at most [`MAX_REPLACEMENTS`] times and up to [`MAX_EXPANDED`] bytes.
+    /// Replaces macros, recursively, at most [`MAX_REPLACEMENTS`] times and up to [`MAX_EXPANDED`] bytes.
     fn expand(&self, text: &str) -> String {
         let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
         let mut out = String::new();
-        // The texts that are read, the innermost last, each with the byte that comes next.
+        // Stack of the texts being read, the innermost last, each with the index of its next byte.
         let mut open: Vec<(&str, usize)> = vec![(text, 0)];
         let mut replaced = 0;
         while let Some((piece, at)) = open.pop() {
@@ -286,7 +287,7 @@ impl ViewReader<'_, '_> {
             let end = word.find(|c| !is_word(c)).unwrap_or(word.len());
             let word = &word[..end];
             out.push_str(before);
-            // A name that follows a letter, a digit or an underscore is part of a longer word.
+            // A name directly after a letter, a digit or an underscore is part of a longer word.
             let inside = before.is_empty() && out.ends_with(is_word) || before.ends_with(|c: char| c.is_ascii_digit());
             if begin + end < rest.len() {
                 open.push((piece, at + begin + end));
@@ -310,7 +311,7 @@ impl ViewReader<'_, '_> {
         self.report.push(Diagnostic::warning(code, message, span, "here").help("the line is ignored"));
     }
 
-    /// One line, `keyword: values`. `first`: its offset in the source.
+    /// Reads one line, `keyword: values`. `first`: its offset in the source.
     fn line(&mut self, text: &str, source: SourceId, first: usize) {
         let end = first + text.trim_end().len();
         let whole = Span::new(source, first, end);
@@ -322,7 +323,7 @@ impl ViewReader<'_, '_> {
         let line = Line { words: words(&values), span: whole };
         let before = self.report.len();
         if self.turtle_line(&keyword, &line) || self.file_line(&keyword, &line) {
-            // A line whose values cannot be read was reported as a whole.
+            // If the values could not be read, the whole line is reported already.
             if self.report.len() == before {
                 self.check_length(&keyword, &line);
             }
@@ -337,18 +338,18 @@ impl ViewReader<'_, '_> {
         self.report.push(d.help("lights, cameras and windows are set in the scene"));
     }
 
-    /// L048 for words after the values that a line takes.
+    /// Reports L048 for extra words after the values of a line.
     fn check_length(&mut self, keyword: &str, line: &Line<'_>) {
         let second = line.words.get(1);
         let count = match keyword {
-            // Filters and environments, `H:` and the like, are left to the renderer.
+            // Filters and environments, such as `H:`, are left to the renderer.
             "texture" => {
                 let file = texture_file(&line.words);
                 let others = line.words.iter().enumerate().filter(|(i, _)| !file.contains(i));
                 let surplus: Vec<&str> = others.map(|(_, word)| word.text).collect();
                 return self.unused(line, &surplus);
             }
-            // The parts of a tropism are reported where they are read.
+            // The parts of a tropism are checked where they are read.
             "tropism" | "torque" => return,
             "tropism direction" => 3,
             "contour" => 2,
@@ -365,7 +366,7 @@ impl ViewReader<'_, '_> {
         self.unused(line, &surplus);
     }
 
-    /// L048 for words of a line that have no effect. Punctuation alone, such as `;`, is not reported.
+    /// Reports L048 for words of a line that have no effect, except punctuation alone, such as `;`.
     fn unused(&mut self, line: &Line<'_>, words: &[&str]) {
         if words.iter().any(|w| w.contains(|c: char| c.is_alphanumeric())) {
             let message = format!("'{}' in this line of a view has no effect", shown(&words.join(" ")));
@@ -374,12 +375,12 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    /// L048 for a line without the numbers that it needs.
+    /// Reports L048 for a line that lacks the numbers it needs.
     fn damaged(&mut self, line: &Line<'_>, expected: &str) {
         self.warn("L048", line.span, format!("expected {expected}"));
     }
 
-    /// The first word of a line as a number; L048 if it is none.
+    /// The first word of a line as a number; L048 if it is not one.
     fn number(&mut self, line: &Line<'_>, what: &str) -> Option<f64> {
         let value = line.words.first().and_then(value_of);
         if value.is_none() {
@@ -400,7 +401,7 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    /// True for `on`, false for `off`; other words are reported.
+    /// True for `on`, false for `off`; L048 for other words.
     fn switch(&mut self, line: &Line<'_>) -> Option<bool> {
         match line.words.first().map(|w| w.text) {
             Some("on") => Some(true),
@@ -412,13 +413,13 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    /// Lines of numbers; false if the keyword is none of them.
+    /// Reads a line with a numeric setting; false if the keyword is not one of these.
     fn turtle_line(&mut self, keyword: &str, line: &Line<'_>) -> bool {
-        // A value that cannot be read is reported and leaves what an earlier line has set.
+        // A value that cannot be read is reported, and the value of an earlier line is kept.
         match keyword {
             "angle increment" => self.view.angle = self.number(line, "an angle in degrees").or(self.view.angle),
             "angle factor" => match self.number(line, "the number of turns of a full circle") {
-                // The file gives the number of turns in a circle.
+                // The file gives the number of turns of the angle in a full circle.
                 Some(n) if n.abs() > 0.0 => self.view.angle = Some(360.0 / n),
                 Some(_) => self.damaged(line, "a number of turns other than 0"),
                 None => {}
@@ -426,8 +427,8 @@ impl ViewReader<'_, '_> {
             "initial line width" => {
                 if let Some(width) = self.number(line, "a width") {
                     self.view.width = Some(width);
-                    // The unit sets the style, as `line style:` does: `p` pixels, `s` cylinders, none polygons, whose width is in units
-                    // of the turtle. `2p` is one word.
+                    // The unit sets the style, as `line style:` does: `p` for pixels, `s` for cylinders, none for polygons,
+                    // whose width is in turtle units. `2p` is one word.
                     let touching =
                         line.words.first().map(|w| w.text.trim_start_matches(|c: char| !c.is_ascii_alphabetic()));
                     let units = touching.into_iter().chain(line.words.get(1).map(|unit| unit.text));
@@ -443,7 +444,7 @@ impl ViewReader<'_, '_> {
                 self.view.width_increment = self.number(line, "a width").or(self.view.width_increment);
             }
             "line style" => match line.words.first().map(|w| w.text.to_lowercase()).as_deref() {
-                // cpfg numbers them, too.
+                // cpfg also accepts the numbers of the styles.
                 Some("pixel" | "1") => self.view.line = Some(LineStyle::Pixel),
                 Some("polygon" | "2") => self.view.line = Some(LineStyle::Polygon),
                 Some("cylinder" | "3") => self.view.line = Some(LineStyle::Cylinder),
@@ -463,7 +464,7 @@ impl ViewReader<'_, '_> {
                 Some(_) => self.damaged(line, "at least 3 sides"),
                 None => {}
             },
-            // The older name: level n has 2^(n+1) sides.
+            // An older keyword: level n has 2^(n+1) sides.
             "polygonization level" => match self.number(line, "a level from 0 to 7") {
                 Some(n) if (0.0..8.0).contains(&n) => self.view.sides = Some((2_u32 << sides(n)).max(3)),
                 Some(_) => self.damaged(line, "a level from 0 to 7"),
@@ -490,7 +491,7 @@ impl ViewReader<'_, '_> {
         true
     }
 
-    /// A number above 0; others are reported and yield `None`.
+    /// A number above 0; other values are reported and give `None`.
     fn positive(&mut self, line: &Line<'_>) -> Option<f64> {
         let value = self.number(line, "a number")?;
         if value > 0.0 {
@@ -500,7 +501,7 @@ impl ViewReader<'_, '_> {
         None
     }
 
-    /// `T: x y z A: deg I: f E: f S: f`.
+    /// Reads a tropism or torque: `T: x y z A: deg I: f E: f S: f`.
     fn tropism(&mut self, line: &Line<'_>, torque: bool) -> Option<ViewTropism> {
         let mut out =
             ViewTropism { dir: [0.0, 1.0, 0.0], angle: 0.0, intensity: 1.0, elasticity: 0.0, step: 0.0, torque };
@@ -508,12 +509,12 @@ impl ViewReader<'_, '_> {
         let mut place = 0;
         let mut unused = Vec::new();
         for word in &line.words {
-            // `A:30` in one word, or `A:` and `30`.
+            // A part is one word, as in `A:30`, or two, as in `A:` and `30`.
             let (name, value) = match word.text.split_once(':') {
                 Some((name, value)) => (name.chars().next(), value),
                 None => (None, word.text),
             };
-            // A letter begins a part, whose numbers follow it.
+            // A letter begins a part; its numbers follow.
             if let Some(name) = name {
                 (part, place) = (name.to_ascii_uppercase(), 0);
             }
@@ -545,13 +546,13 @@ impl ViewReader<'_, '_> {
         Some(out)
     }
 
-    /// Lines that name files; false if the keyword is none of them.
+    /// Reads a line that names a file; false if the keyword is not one of these.
     fn file_line(&mut self, keyword: &str, line: &Line<'_>) -> bool {
         let named = [self.view.surfaces.len(), self.view.triangles.len(), self.view.textures.len()];
         let more = [self.view.contours.len(), self.view.contour_sets.len(), self.view.functions.len()];
         if named.into_iter().chain(more).sum::<usize>() >= MAX_FILES {
             let message = format!("a view names more than {MAX_FILES} files");
-            // Lines that name no file are read as before.
+            // Lines that name no file are left to the other readers.
             let known = ["surface", "tsurface", "texture", "contour", "contour set", "function", "function set"];
             if known.contains(&keyword) {
                 self.warn("L048", line.span, message);
@@ -575,7 +576,7 @@ impl ViewReader<'_, '_> {
                 }
             }
             "contour" => match &line.words[..] {
-                // Number and file stand in either order.
+                // Number and file may come in either order.
                 [id, file, ..] if id.count().is_some() => {
                     self.view.contours.push(file_of(file.text, line, count32(id)));
                 }
@@ -603,7 +604,7 @@ impl ViewReader<'_, '_> {
         true
     }
 
-    /// `letter file scale [[i j] texture]`.
+    /// Reads a surface: `letter file scale [[i j] texture]`.
     fn surface(&mut self, line: &Line<'_>) -> Option<SurfaceLine> {
         let letter = line.words.first().map(|w| w.text).filter(|t| t.chars().count() == 1);
         let (Some(letter), Some(file)) = (letter.and_then(|t| t.chars().next()), line.words.get(1)) else {
@@ -616,7 +617,7 @@ impl ViewReader<'_, '_> {
             self.damaged(line, "a scale above 0");
             return None;
         }
-        // One number after the scale is the texture.
+        // If only one number follows the scale, it is the texture.
         let (quads, texture) = match numbers.get(1..).unwrap_or_default() {
             [texture] => (None, Some(texture)),
             [i, j, more @ ..] => (Some([sides(*i), sides(*j)]), more.first()),
@@ -635,7 +636,7 @@ fn count32(word: &Word<'_>) -> Option<u32> {
     word.text.parse().ok()
 }
 
-/// A number, or a quotient or product of two such as `360/7`.
+/// A number, or a quotient or product of two, such as `360/7`.
 fn value_of(word: &Word<'_>) -> Option<f64> {
     if let Some(value) = word.number() {
         return Some(value);
@@ -645,7 +646,7 @@ fn value_of(word: &Word<'_>) -> Option<f64> {
     let value = match (text.split_once('/'), text.split_once('*')) {
         (Some((a, b)), _) => part(a)? / part(b)?,
         (_, Some((a, b))) => part(a)? * part(b)?,
-        // Text after a number, such as `;` or a unit, is ignored.
+        // Ignores text after a number, such as `;` or a unit.
         _ => {
             let end = text.find(|c: char| !c.is_ascii_digit() && !".+-eE".contains(c)).unwrap_or(text.len());
             part(text[..end].trim_end_matches(['.', '+', '-', 'e', 'E']))?
@@ -654,7 +655,7 @@ fn value_of(word: &Word<'_>) -> Option<f64> {
     Some(value).filter(|v| v.is_finite())
 }
 
-/// Indices of the words that name the file of a texture: `F: name` or `F:name` among other parts, or only the name.
+/// Indices of the words that name the texture file: `F: name` or `F:name` among other parts, or just the name.
 fn texture_file(words: &[Word<'_>]) -> std::ops::Range<usize> {
     match words.iter().enumerate().find(|(_, w)| w.text.starts_with("F:")) {
         Some((i, w)) if w.text == "F:" => i..words.len().min(i + 2),
@@ -669,13 +670,13 @@ fn byte(value: f64) -> u8 {
     value.trunc().rem_euclid(256.0) as u8
 }
 
-/// A whole number of 0 to 256.
+/// A whole number, clamped to 0 to 256.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn sides(value: f64) -> u32 {
     value.trunc().clamp(0.0, 256.0) as u32
 }
 
-/// The text with comments as blanks; line ends stay.
+/// The text with comments replaced by blanks; line breaks are kept.
 fn without_comments(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
@@ -692,7 +693,7 @@ fn without_comments(text: &str) -> String {
             continue;
         };
         let (comment, after) = from.split_at(length);
-        // Bytes keep their places, so that messages point at what the file has there.
+        // Byte positions stay the same, so that messages refer to the right place in the file.
         out.extend(comment.bytes().map(|b| if b == b'\n' { '\n' } else { ' ' }));
         rest = after;
     }

@@ -2,26 +2,26 @@
 
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
-/// Times that a control point may count: four make a cubic spline pass through it, more change nothing.
+/// Limit on the multiplicity of a control point: at four a cubic spline passes through it, and more change nothing.
 const MAX_MULTIPLICITY: usize = 8;
 
-/// A word between blanks, and where it stands.
+/// A word delimited by blanks, and its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Word<'a> {
     pub text: &'a str,
-    /// Bytes of the text: first, and the one after the last.
+    /// Byte range in the text: first byte, and the byte after the last.
     pub at: (usize, usize),
     /// Line number, from 0.
     pub line: usize,
 }
 
 impl Word<'_> {
-    /// Its value as a finite number.
+    /// The word as a finite number; `None` if it is not one.
     pub fn number(&self) -> Option<f64> {
         self.text.parse::<f64>().ok().filter(|v| v.is_finite())
     }
 
-    /// Its value if it is a whole number of 0 or more.
+    /// The word as a whole number of 0 or more; `None` if it is not one.
     pub fn count(&self) -> Option<usize> {
         self.text.parse().ok()
     }
@@ -35,7 +35,7 @@ impl Word<'_> {
 pub(super) fn words(text: &str) -> Vec<Word<'_>> {
     let mut out = Vec::new();
     let (mut start, mut line) = (None, 0);
-    // A line end after the text closes its last word.
+    // An added line break ends the last word of the text.
     for (i, c) in text.char_indices().chain([(text.len(), '\n')]) {
         if c.is_whitespace() || c == ',' {
             if let Some(first) = start.take() {
@@ -49,12 +49,12 @@ pub(super) fn words(text: &str) -> Vec<Word<'_>> {
     out
 }
 
-/// Words read one after the other, with the complaints about them.
+/// Reads words one after the other and collects the errors about them.
 pub(super) struct Reader<'a> {
     words: Vec<Word<'a>>,
     next: usize,
     source: SourceId,
-    /// Length of the text in bytes, the place of messages about its end.
+    /// Length of the text in bytes: the place of errors about its end.
     end: usize,
     pub report: Vec<Diagnostic>,
 }
@@ -68,7 +68,7 @@ impl<'a> Reader<'a> {
         self.words.get(self.next).copied()
     }
 
-    /// Looks ahead without passing a word: 0 is the next word, 1 the one after it.
+    /// Looks ahead without consuming a word: 0 is the next word, 1 the one after it.
     pub fn peek_at(&self, n: usize) -> Option<Word<'a>> {
         self.words.get(self.next + n).copied()
     }
@@ -79,7 +79,7 @@ impl<'a> Reader<'a> {
         word
     }
 
-    /// Passes the words of the line of the next word; returns them.
+    /// Consumes and returns the remaining words of the line that the next word is on.
     pub fn take_line(&mut self) -> Vec<Word<'a>> {
         let Some(first) = self.peek() else { return Vec::new() };
         let rest = &self.words[self.next..];
@@ -88,7 +88,8 @@ impl<'a> Reader<'a> {
         line
     }
 
-    /// The multiplicity of a point, which may end its line: the next word, if it stands on `line` and is a whole number; else 1.
+    /// The multiplicity of a point, optional at the end of its line: the next word if it is on `line` and a whole number,
+    /// else 1.
     pub fn multiplicity(&mut self, line: Option<usize>) -> usize {
         let same_line = self.peek().filter(|w| Some(w.line) == line);
         let times = same_line.and_then(|w| w.count());
@@ -98,7 +99,7 @@ impl<'a> Reader<'a> {
         times.unwrap_or(1).clamp(1, MAX_MULTIPLICITY)
     }
 
-    /// The next word as a number; L048 if it is none.
+    /// The next word as a number; L048 if it is not one.
     pub fn number(&mut self, what: &str) -> Option<f64> {
         match self.peek().and_then(|w| w.number()) {
             Some(value) => {
@@ -112,7 +113,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The next word as a whole number; L048 if it is none.
+    /// The next word as a whole number; L048 if it is not one.
     pub fn count(&mut self, what: &str) -> Option<usize> {
         match self.peek().and_then(|w| w.count()) {
             Some(value) => {
@@ -126,7 +127,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// L048: something else was expected in place of the next word.
+    /// Reports L048: `what` was expected in place of the next word.
     pub fn expected(&mut self, what: &str) {
         let (found, span) = match self.peek() {
             Some(w) => (format!("'{}'", shown(w.text)), w.span(self.source)),
@@ -137,14 +138,14 @@ impl<'a> Reader<'a> {
         self.report.push(d.help("the file is damaged, or of another kind; nothing from here on is read"));
     }
 
-    /// L048 about the next word.
+    /// Reports L048 at the next word.
     pub fn complain(&mut self, message: String, help: &str) {
         let span = self.peek().map_or(Span::new(self.source, self.end, self.end), |w| w.span(self.source));
         self.report.push(Diagnostic::warning("L048", message, span, "here").help(help));
     }
 }
 
-/// At most 24 characters of a word, with `..` after a longer one, for messages.
+/// A word for messages: at most 24 characters, then `..` if it is longer.
 pub(super) fn shown(word: &str) -> String {
     let mut out: String = word.chars().take(24).collect();
     if out.len() < word.len() {

@@ -30,13 +30,13 @@ const ACTIONS: [&str; 13] = [
 ];
 
 impl ItemParser<'_> {
-    /// Reads all lines that speak of the turtle; they stand before the axiom and the productions.
+    /// Reads all lines about the turtle, which must precede the axiom and the productions.
     pub(super) fn turtle_items(&mut self, lines: &[LogicalLine]) {
         let mut past_header = false;
         for line in lines {
             let key = line.keyword.map(|(k, _)| k);
             past_header |= line.arrow.is_some() || key == Some(Keyword::Axiom);
-            // Other lines are compiled later, when the bindings of all symbols are known.
+            // The other lines are compiled later, when the bindings of all symbols are known.
             let (Some((k @ (Keyword::Turtle | Keyword::Angles | Keyword::Bind), n)), Some(place)) =
                 (line.keyword, line.place())
             else {
@@ -63,7 +63,7 @@ impl ItemParser<'_> {
                 );
                 continue;
             }
-            // After `bind` a colon belongs to the binding, not to the keyword.
+            // After `bind` a colon is itself a symbol, not the end of the keyword.
             let colon = usize::from(k != Keyword::Bind && line.tokens.get(n).is_some_and(|t| t.is(':')));
             let value = line.tokens.get(n + colon..).unwrap_or(&[]);
             match k {
@@ -75,7 +75,7 @@ impl ItemParser<'_> {
     }
 
     fn select_dialect(&mut self, value: &[Token], head: SourcePlace) {
-        // The first word names the turtle; numbers of the turtles of other programs may follow.
+        // The first word names the turtle dialect; numeric settings may follow for those of other programs.
         let (name, numbers) = value.split_at(value.len().min(1));
         let spelled = self.spelling(name);
         let place = value.first().map_or(head, |t| t.place);
@@ -87,7 +87,7 @@ impl ItemParser<'_> {
             self.program.turtle = Some(bindings);
             return self.turtle_numbers(numbers, place);
         }
-        // Continues as if a turtle were chosen, so that the lines that follow cause no further errors.
+        // Continue as if a turtle had been chosen, so that the following lines cause no further errors.
         self.program.turtle = Some(TurtleBindings { dialect: Dialect::None, ..TurtleBindings::default() });
         let known = DIALECTS.map(|d| d.0);
         let help = match nearest(&spelled, known) {
@@ -97,7 +97,7 @@ impl ItemParser<'_> {
         self.session.error_help("L001", format!("unknown turtle '{spelled}'"), place, help);
     }
 
-    /// `angle = 20 thickness = 30`, the numbers of a turtle of another program.
+    /// Reads the numeric settings of a turtle dialect: `angle = 20 thickness = 30`.
     fn turtle_numbers(&mut self, tokens: &[Token], at: SourcePlace) {
         let mut cursor = TokenCursor::new(tokens, at);
         while let Some(t) = cursor.peek() {
@@ -110,7 +110,7 @@ impl ItemParser<'_> {
             }
             let mut compiler = self.compiler(NameScope::Angle);
             let Some(code) = expression::compile_expression(&mut compiler, &mut cursor) else { return };
-            // These are numbers of the turtle, not of a module: angles and variables have no value here.
+            // The settings must be constant: angles and variables have no value here.
             let Some(value) = crate::vm::constant_value(&code).filter(|v| v.is_finite()) else {
                 let help = "write a number, or a calculation with numbers";
                 return self.session.error_help("L001", format!("'{name}' is not constant"), t.place, help);
@@ -129,22 +129,22 @@ impl ItemParser<'_> {
             let settings = &mut turtle.settings;
             match name.as_str() {
                 "angle" => settings.angle_deg = Some(value),
-                // Percent in the file become shares.
+                // The file gives a percentage.
                 "thickness" => settings.thickness = Some(0.01 * value),
                 "min_thickness" => settings.min_thickness = 0.01 * value,
                 "unit" => settings.unit = Some(value),
-                // A share of 0 counts as not given.
+                // A fraction of 0 counts as absent.
                 _ => settings.fraction = Some(value).filter(|f| *f > 0.0),
             }
         }
     }
 
-    /// Angles defined so far, which an expression may use; the position is the slot.
+    /// Names of the angles defined so far, which an expression may use; the position is the slot.
     fn angle_names(&self) -> Vec<u32> {
         self.program.turtle.iter().flat_map(|t| &t.angles).map(|a| a.name).collect()
     }
 
-    /// `name = expression`, repeated.
+    /// Reads definitions of angles: `name = expression`, repeated.
     fn angle_definitions(&mut self, value: &[Token], head: SourcePlace) {
         let mut cursor = TokenCursor::new(value, head);
         if cursor.peek().is_none() {
@@ -181,17 +181,17 @@ impl ItemParser<'_> {
                 let d = d.label(first.span, "the first one").help("give the second one another name");
                 self.session.push(d, place);
             }
-            // An angle of the dialect is replaced.
+            // An angle that the dialect defines is replaced.
             Some(own) => *own = angle,
             None => turtle.angles.push(angle),
         }
     }
 
-    /// `SYMBOL : ACTION ; SYMBOL : ACTION ..`
+    /// Reads bindings: `SYMBOL : ACTION ; SYMBOL : ACTION ..`
     fn bind(&mut self, value: &[Token], head: SourcePlace) {
         let mut rest = value;
         while let Some(symbol) = rest.first() {
-            // The symbol may be a semicolon itself.
+            // The first token is skipped, as the symbol may itself be a semicolon.
             let mut depth = 0_usize;
             // Bindings are separated by semicolons outside parentheses.
             let end = rest.iter().enumerate().skip(1).find(|(_, t)| {
@@ -215,7 +215,7 @@ impl ItemParser<'_> {
         let Some(id) = self.program.symbols.intern(c) else { return };
         let Some(turtle) = &mut self.program.turtle else { return };
         let binding = SymbolBinding { action, value, place: Some(symbol.place) };
-        // Bindings of the dialect may be replaced, those of the file may not.
+        // A `bind` item may replace a binding of the dialect, but not one of the file.
         if let Some(Some(first)) = turtle.symbols.get(&id).map(|b| b.place) {
             let d = Diagnostic::error("L038", format!("'{c}' is bound twice"), symbol.place.span, "the second one");
             let d = d.label(first.span, "the first one").help("remove one of them");
@@ -224,7 +224,7 @@ impl ItemParser<'_> {
         turtle.symbols.insert(id, binding);
     }
 
-    /// The one character of a token; L038 for more, and for those that cannot be bound.
+    /// The single character of a token; L038 for several characters, or for one that cannot be bound.
     fn one_symbol(&mut self, t: Token) -> Option<char> {
         let text = match t.kind {
             TokenKind::Ident(n) | TokenKind::Number(n) => self.session.names.get(n).to_owned(),
@@ -243,11 +243,11 @@ impl ItemParser<'_> {
         None
     }
 
-    /// The action of a binding, with the code of its number if it takes one; `None` after an error.
+    /// Parses the action of a binding, with the code of its number if it takes one; `None` after an error.
     fn action(&mut self, tokens: &[Token], at: SourcePlace) -> Option<(TurtleAction, Option<Bytecode>)> {
         let mut cursor = TokenCursor::new(tokens, at);
         let place = cursor.place();
-        // The first word names the action; some actions take further words.
+        // `rotate` is followed by space and axis, `organ` by a letter or `stalk`, `as` by a symbol; a number may come last.
         let first = self.word(&mut cursor);
         let action = match first.as_str() {
             "forward" => TurtleAction::Forward,
@@ -276,7 +276,7 @@ impl ItemParser<'_> {
                 return None;
             }
         };
-        // Actions without a number; an organ may have one, its size.
+        // Actions that take no number. Organs may have one, which is their size.
         let plain = matches!(
             action,
             TurtleAction::Polygon
@@ -286,7 +286,7 @@ impl ItemParser<'_> {
                 | TurtleAction::Nothing
                 | TurtleAction::Organ(_)
         );
-        // What remains is the number of the action, an expression of the angles defined so far.
+        // The remaining tokens are the number of the action, an expression that may use the angles defined so far.
         let rest = tokens.get(cursor.pos..).unwrap_or(&[]);
         if rest.is_empty() {
             return if plain { Some((action, None)) } else { self.missing("a number", cursor.place()) };
@@ -309,14 +309,14 @@ impl ItemParser<'_> {
         None
     }
 
-    /// The next token if it is a word, else an empty string.
+    /// Consumes the next token and returns its text; an empty string if it is not a word.
     fn word(&mut self, cursor: &mut TokenCursor<'_>) -> String {
         let Some(TokenKind::Ident(n)) = cursor.peek().map(|t| t.kind) else { return String::new() };
         cursor.bump();
         self.session.names.get(n).to_owned()
     }
 
-    /// `world x|y|z` or `turtle h|l|u`.
+    /// Parses the axis of a rotation: `world x|y|z` or `turtle h|l|u`.
     fn rotation(&mut self, cursor: &mut TokenCursor<'_>) -> Option<TurtleAction> {
         let place = cursor.place();
         // World axes are fixed in space; turtle axes move with the turtle.
@@ -338,7 +338,7 @@ impl ItemParser<'_> {
         Some(action)
     }
 
-    /// A letter of the scene's organs, or `stalk`.
+    /// Parses a letter of the scene's organs, or `stalk`.
     fn organ(&mut self, cursor: &mut TokenCursor<'_>) -> Option<String> {
         let place = cursor.place();
         let name = self.word(cursor);

@@ -1,4 +1,4 @@
-//! Expressions: operator precedence with an explicit stack, straight into code.
+//! Compiles expressions with an operator-precedence parser whose stack is explicit, directly to bytecode.
 
 use super::{Compiler, NameScope, TokenCursor};
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, TableFunction, UnaryOp, is_zero};
@@ -11,7 +11,7 @@ use osier_base::math::narrow;
 enum PendingOperator {
     Unary(UnaryOp),
     Binary(BinaryOp, u8, SourcePlace),
-    /// `&&` or `||`: index of the jump to patch, precedence.
+    /// `&&` or `||`: index of the jump whose target is set later, precedence.
     Short(usize, u8),
     Question(usize),
     Colon(usize),
@@ -21,7 +21,7 @@ enum PendingOperator {
         place: SourcePlace,
         args: usize,
     },
-    /// `[` of an array: its index in [`Compiler::arrays`], and the number of indices that are complete.
+    /// `[` of an array: its index in [`Compiler::arrays`], and the number of complete indices.
     Index {
         array: usize,
         place: SourcePlace,
@@ -30,7 +30,7 @@ enum PendingOperator {
 }
 
 impl PendingOperator {
-    /// Operators below it on the stack wait until it is closed.
+    /// True for an opening bracket: operators below it on the stack wait until it is closed.
     fn is_bracket(&self) -> bool {
         matches!(self, Self::Paren(_) | Self::Call { .. } | Self::Index { .. })
     }
@@ -48,10 +48,10 @@ const FUNCTIONS: [&str; 26] = [
     "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "fabs", "floor", "ceil", "trunc", "sign", "ran",
     "nran", "bran", "biran", "srand", "choose", "stop", "func", "curveX", "curveY", "curveZ", "curveGAL",
 ];
-/// Bounds of what the last interpretation drew, in the order of [`Op::Bounds`].
+/// Variables that hold the bounds of the last drawing, in the order of [`Op::Bounds`].
 const BOUNDS: [&str; 6] = ["vvXmin", "vvYmin", "vvZmin", "vvXmax", "vvYmax", "vvZmax"];
 const FILE_FUNCTIONS: [&str; 7] = ["fopen", "fclose", "fscan", "fscanf", "fprintf", "fflush", "play"];
-/// Functions of cpfg that act on its window or its run, and why grammars have none of them.
+/// Functions of cpfg that act on its window or its process, and the reason why they are refused.
 const RUN_FUNCTIONS: [(&str, &str, &str); 3] = [
     ("SetDerivationLength", "the derivation length is fixed", "set 'derivation length', and end early with stop(0)"),
     ("vvScale", "a grammar has no window", "write the scale as a number"),
@@ -62,7 +62,7 @@ struct ExpressionCompiler<'c, 'r> {
     compiler: &'c mut Compiler<'r>,
     code: Bytecode,
     pending: Vec<PendingOperator>,
-    /// Instructions before this index must not be folded away: a jump lands here.
+    /// Constant folding must not remove instructions before this index, because a jump leads here.
     barrier: usize,
     /// Place of the last token taken, for errors at the end of the tokens.
     last: SourcePlace,
@@ -128,13 +128,13 @@ impl ExpressionCompiler<'_, '_> {
         None
     }
 
-    /// L001 with what mends it.
+    /// Reports L001 with a label and a help text.
     fn fault<T>(&mut self, message: String, place: SourcePlace, label: &str, help: &str) -> Option<T> {
         self.compiler.session.fault(message, place, label, help);
         None
     }
 
-    /// L001 where a value is missing. `found`: what stands there.
+    /// Reports L001 for a missing value. `found`: the token in its place.
     fn missing_value<T>(&mut self, found: &str, place: SourcePlace, label: &str) -> Option<T> {
         let help = "put a number, a variable or a function there, or remove the operator or comma before it";
         self.fault(format!("unexpected {found}, expected a value"), place, label, help)
@@ -149,7 +149,7 @@ impl ExpressionCompiler<'_, '_> {
         Some(())
     }
 
-    /// Takes one prefix operator or opening parenthesis; false if neither follows.
+    /// Consumes one prefix operator or opening parenthesis; false if neither comes next.
     fn prefix(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         // A unary plus changes nothing and leaves no pending operator.
@@ -176,15 +176,15 @@ impl ExpressionCompiler<'_, '_> {
         if let Some(p) = pending {
             self.push_pending(p, t.place)?;
         }
-        // A call without arguments has no operand to wait for.
+        // In a call without arguments no operand follows the parenthesis.
         if is_call && cursor.peek().is_some_and(|t| t.is(')')) {
             return Some(false);
         }
         Some(true)
     }
 
-    /// L043 for a function that works on files or on the window of cpfg, before its arguments are read: strings among them are no
-    /// values.
+    /// Reports L043 for a function that acts on files or on the window of cpfg. Its arguments are not read, because strings
+    /// among them are not values.
     fn refuse_call(&mut self, name: u32, place: SourcePlace) -> Option<()> {
         let word = self.compiler.session.names.get(name).to_owned();
         if let Some((_, why, help)) = RUN_FUNCTIONS.iter().find(|f| f.0 == word) {
@@ -211,7 +211,8 @@ impl ExpressionCompiler<'_, '_> {
         match t.kind {
             TokenKind::Number(n) => {
                 let text = self.compiler.session.names.get(n).to_owned();
-                // The lexer passes valid number literals only, so that parsing cannot fail; too large ones parse as infinity.
+                // The lexer accepts valid number literals only, so that parsing cannot fail; too large numbers become
+                // infinity.
                 let value: f64 = text.parse().unwrap_or(f64::INFINITY);
                 if !value.is_finite() {
                     let message = format!("number {text} is out of range");
@@ -223,7 +224,7 @@ impl ExpressionCompiler<'_, '_> {
                 let op = self.compiler.load_variable(name, t.place);
                 self.code.ops.push(op);
             }
-            // The argument list of a call without arguments.
+            // The empty argument list of a call.
             TokenKind::Char(')')
                 if matches!(self.pending.last(), Some(PendingOperator::Call { args: 0, .. })) && self.at_call() =>
             {
@@ -244,7 +245,7 @@ impl ExpressionCompiler<'_, '_> {
         matches!(self.pending.last(), Some(PendingOperator::Call { place, .. }) if *place == self.last)
     }
 
-    /// Takes a `)` or `]` that belongs to this expression; false if none follows.
+    /// Consumes a `)` or `]` that belongs to this expression; false if none comes next.
     fn close_parenthesis(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         if t.is(']') {
@@ -254,7 +255,7 @@ impl ExpressionCompiler<'_, '_> {
         if !inside || !t.is(')') {
             return Some(false);
         }
-        // Everything inside the parenthesis is complete: emit it, then the call itself.
+        // All operators inside the parenthesis are complete: emit them, then the call itself.
         let empty = matches!(self.pending.last(), Some(PendingOperator::Call { args: 0, .. })) && self.at_call();
         self.reduce(0);
         match self.pending.pop() {
@@ -269,12 +270,12 @@ impl ExpressionCompiler<'_, '_> {
         Some(true)
     }
 
-    /// Takes a `]` that ends the indices of an array.
+    /// Consumes a `]` that ends the indices of an array.
     fn close_index(&mut self, cursor: &mut TokenCursor<'_>, close: SourcePlace) -> Option<bool> {
         let innermost = self.pending.iter().rev().find(|p| p.is_bracket());
         let Some(&PendingOperator::Index { array, place, given }) = innermost else { return Some(false) };
         let wanted = self.compiler.arrays.get(array).map_or(0, |a| a.shape.sizes.len());
-        // `a[i][j]`: the next bracket holds the next index.
+        // In `a[i][j]` the next bracket holds the next index.
         if given + 1 < wanted && cursor.peek_at(1).is_some_and(|t| t.is('[')) {
             return Some(false);
         }
@@ -291,10 +292,10 @@ impl ExpressionCompiler<'_, '_> {
         Some(true)
     }
 
-    /// Takes a binary operator, `?`, `:` or the comma of a call; false if the expression ends here.
+    /// Consumes a binary operator, `?`, `:` or the comma of a call; false if the expression ends here.
     fn infix(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
-        // Binary operators are left-associative: emit what binds at least as tightly before pushing this one.
+        // Binary operators are left-associative: emit operators of at least the same precedence before pushing this one.
         if let Some((op, prec, length)) = operator(cursor) {
             for _ in 0..length {
                 cursor.bump();
@@ -307,8 +308,8 @@ impl ExpressionCompiler<'_, '_> {
         match t.kind {
             TokenKind::Char('?') => {
                 self.reduce(PREC_TERNARY + 1);
-                // `c ? a : b`: the condition is complete. Its jump to b is patched when the ":" is reached, the jump
-                // over b at the end.
+                // In `c ? a : b` the condition is complete. The target of its jump, b, is set at the ":"; the target of the
+                // jump over b is set at the end.
                 self.code.ops.push(Op::JumpIfZero(0));
                 let jump = self.code.ops.len() - 1;
                 self.push_pending(PendingOperator::Question(jump), t.place)?;
@@ -321,7 +322,7 @@ impl ExpressionCompiler<'_, '_> {
                 self.patch_jump(jump);
                 self.push_pending(PendingOperator::Colon(end), t.place)?;
             }
-            // `a[i][j]`, which is `a[i,j]`: `close_index` left it.
+            // `a[i][j]` means `a[i,j]`; `close_index` has left this bracket.
             TokenKind::Char(']') if self.pending.iter().any(|p| matches!(p, PendingOperator::Index { .. })) => {
                 self.reduce(0);
                 match self.pending.last_mut() {
@@ -338,8 +339,7 @@ impl ExpressionCompiler<'_, '_> {
                     return Some(false);
                 }
                 self.reduce(0);
-                // A comma ends an argument of the innermost call; outside a call it belongs to whoever reads the
-                // expression.
+                // A comma ends an argument of the innermost call; outside calls and arrays it is an error.
                 match self.pending.last_mut() {
                     Some(PendingOperator::Call { args, .. }) => *args += 1,
                     Some(PendingOperator::Index { given, .. }) => *given += 1,
@@ -357,7 +357,7 @@ impl ExpressionCompiler<'_, '_> {
         Some(true)
     }
 
-    /// Is a `?` still without its `:` inside the innermost parenthesis?
+    /// True if a `?` in the innermost parenthesis still lacks its `:`.
     fn has_open_question(&self) -> bool {
         let stop = |p: &&PendingOperator| matches!(p, PendingOperator::Question(_)) || p.is_bracket();
         matches!(self.pending.iter().rev().find(stop), Some(PendingOperator::Question(_)))
@@ -366,7 +366,7 @@ impl ExpressionCompiler<'_, '_> {
     fn push_operator(&mut self, op: &str, prec: u8, place: SourcePlace) -> Option<()> {
         let binary = match op {
             "&&" | "||" => {
-                // Short circuit: the left side leaves its truth value and jumps over the right side if that decides the
+                // Short circuit: the left side leaves its truth value, and jumps over the right side if it decides the
                 // result.
                 let is_or = op == "||";
                 self.code.ops.push(if is_or { Op::Or(0) } else { Op::And(0) });
@@ -390,7 +390,7 @@ impl ExpressionCompiler<'_, '_> {
         self.push_pending(PendingOperator::Binary(binary, prec, place), place)
     }
 
-    /// Emits everything pending that binds at least as tightly as `prec`; stops at brackets and at a `?` without its `:`.
+    /// Emits all pending operators of at least precedence `prec`; stops at brackets and at a `?` without its `:`.
     fn reduce(&mut self, prec: u8) {
         loop {
             // Precedence of the topmost operator; brackets and a "?" without its ":" keep everything below them.
@@ -407,8 +407,8 @@ impl ExpressionCompiler<'_, '_> {
                 Some(PendingOperator::Unary(op)) => self.emit_unary(op),
                 Some(PendingOperator::Binary(op, _, place)) => self.emit_binary(op, place),
                 Some(PendingOperator::Short(jump, _)) => {
-                    // The right side of `&&` or `||` is complete: reduce its value to 0 or 1 and let the jump land
-                    // after it.
+                    // The right side of `&&` or `||` is complete: convert its value to 0 or 1, and let the jump lead after
+                    // it.
                     self.code.ops.push(Op::Bool);
                     self.patch_jump(jump);
                 }
@@ -444,7 +444,7 @@ impl ExpressionCompiler<'_, '_> {
 
     fn emit_binary(&mut self, op: BinaryOp, place: SourcePlace) {
         let n = self.code.ops.len();
-        // Constant folding of two operands. A division by zero is kept, so that it is reported where it runs.
+        // Constant folding of two operands. A division by zero is not folded, so that it is reported at run time.
         if n >= self.barrier + 2
             && let [.., Op::Const(a), Op::Const(b)] = self.code.ops[..]
             && let (value, false) = op.apply(a, b)
@@ -456,7 +456,7 @@ impl ExpressionCompiler<'_, '_> {
         if matches!(op, BinaryOp::Eq | BinaryOp::Ne) {
             self.check_equality(op, place);
         }
-        // Only division and remainder can fail at run time and need a location.
+        // Only division and remainder can fail at run time, so that only they need a place.
         let index = if matches!(op, BinaryOp::Div | BinaryOp::Rem) {
             self.code.places.push(place);
             self.code.places.len() - 1
@@ -466,14 +466,14 @@ impl ExpressionCompiler<'_, '_> {
         self.code.ops.push(Op::Binary(op, index));
     }
 
-    /// L025 for a parameter that is compared with a constant which no 32-bit number equals.
+    /// L025 for a comparison of a parameter with a constant that no 32-bit number equals.
     fn check_equality(&mut self, op: BinaryOp, place: SourcePlace) {
         let sides = self.code.ops.get(self.barrier..).unwrap_or(&[]);
         let (slot, value) = match *sides {
             [.., Op::Local(slot), Op::Const(v)] | [.., Op::Const(v), Op::Local(slot)] => (slot, v),
             _ => return,
         };
-        // Parameters are stored as f32, so that they can equal the constant only if it is exact in f32.
+        // Parameters are stored as f32: one can equal the constant only if the constant is exact in f32.
         let exact = is_zero(f64::from(narrow(value)) - value);
         if exact || !self.compiler.parameter_slots.contains(&slot) {
             return;
@@ -489,7 +489,7 @@ impl ExpressionCompiler<'_, '_> {
     fn call(&mut self, name: u32, place: SourcePlace, args: usize) -> Option<()> {
         let word = self.compiler.session.names.get(name).to_owned();
         let wrong = |wanted: &str| format!("{word} takes {wanted}, got {args}");
-        // Random functions with their number of arguments; `uniform` and `normal` exist in angle definitions only.
+        // Random functions and their number of arguments; `uniform` and `normal` exist in angle definitions only.
         let random = match word.as_str() {
             "ran" => Some((RandomFunction::Ran, 1)),
             "nran" => Some((RandomFunction::Nran, 2)),
@@ -521,7 +521,7 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     fn special_call(&mut self, word: &str, place: SourcePlace, args: usize) -> Option<()> {
-        // Tables of companion files: the code keeps them, so that the machine finds them.
+        // Functions that read tables of companion files; the code stores the tables for the machine.
         if let Some((function, wanted)) = TableFunction::named(word) {
             if args != wanted {
                 let s = if wanted == 1 { "" } else { "s" };
@@ -535,7 +535,7 @@ impl ExpressionCompiler<'_, '_> {
             return Some(());
         }
         if let Some((bound, _)) = (0_u8..).zip(BOUNDS).find(|(_, b)| *b == word) {
-            // cpfg wants the number of the view, and uses the only one.
+            // cpfg expects the number of the view; there is only one here.
             match args {
                 0 => {}
                 1 => self.code.ops.push(Op::Pop),
@@ -562,7 +562,7 @@ impl ExpressionCompiler<'_, '_> {
             "srand" | "stop" | "GetDerivationLength" | "Display" if args != 1 => {
                 self.error("L022", format!("{word} takes 1 argument, got {args}"), place, "this call")
             }
-            // Its argument says nothing; the length is that of `Z`.
+            // The argument is ignored; the value is that of `Z`.
             "GetDerivationLength" => {
                 self.code.ops.extend([Op::Pop, Op::Length]);
                 self.barrier = self.code.ops.len();
@@ -585,7 +585,7 @@ impl ExpressionCompiler<'_, '_> {
                 };
                 let message = format!("unknown function '{w}'");
                 let mut d = Diagnostic::error("L021", message, place.span, "here").help(help);
-                // Only the name is replaced, which begins the place of the call.
+                // The suggested edit replaces only the name at the beginning of the call.
                 if let (Some(near), Ok(length)) = (nearest(w, FUNCTIONS), u32::try_from(w.len())) {
                     let end = place.span.start + length;
                     d = with_fix(d, SourcePlace { span: Span { end, ..place.span }, ..place }, near);
@@ -620,7 +620,7 @@ impl ExpressionCompiler<'_, '_> {
                     PendingOperator::Index { place: open, .. } => (open, ']'),
                     _ => (place, ')'),
                 };
-                // The expression ended inside a parenthesis: point to both places.
+                // The expression ended inside a parenthesis: label both places.
                 let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
                 self.compiler.session.push(
                     Diagnostic::error(

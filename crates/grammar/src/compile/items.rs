@@ -1,4 +1,4 @@
-//! The items of an L-system: header, values, blocks, sections.
+//! Reads the items of an L-system: header, values, blocks, sections.
 
 use super::lines::{self, KEYWORDS, Keyword, LogicalLine, is_block};
 use std::rc::Rc;
@@ -12,17 +12,17 @@ use crate::token::{ParseSession, SourcePlace, Token, TokenKind, with_fix};
 use crate::vm;
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
 
-/// Variables, elements of arrays included, that a grammar may have: their slots are 16-bit numbers.
+/// Limit on the variables of a grammar, array elements included: their slots are 16-bit numbers.
 const MAX_ARRAY_ELEMENTS: u32 = 65_535;
 
-/// Productions of a section of a file. Own: a hundred times those of the largest models, which take 20 MB.
+/// Limit on the productions in one section of a file. Own: a hundred times those of the largest models, which take 20 MB.
 const MAX_PRODUCTIONS: usize = 20_000;
 /// Help for faults of arrays in `Define:`.
 const ARRAYS_HELP: &str = "write: Define: { array a[2] = {1, 2}; }";
-/// Help for values of items that are no constants.
+/// Help for item values that are not constant.
 const CONSTANT_HELP: &str = "write a number, or a calculation of numbers and of #define";
 
-/// Names of items in other notations, each with what a grammar has instead.
+/// Names of items in other notations, and the corresponding item of this notation.
 const FOREIGN_ITEMS: [(&[&str], &str); 5] = [
     (
         &["angle", "delta", "theta"],
@@ -35,14 +35,15 @@ const FOREIGN_ITEMS: [(&[&str], &str); 5] = [
     (&["rules", "productions"], "write each production on a line of its own, as 'F --> F[+F]F'"),
 ];
 
-/// Lines of each L-system of a file. One begins with its heading: `Lsystem`, `ring Lsystem`, or both on two lines.
+/// Splits lines into one list for each L-system of the file, which begins with its heading: `Lsystem`, `ring Lsystem`, or
+/// both on two lines.
 fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
     let mut systems: Vec<Vec<LogicalLine>> = Vec::new();
-    // The parts of the last L-system that have been read.
+    // Which parts of the last L-system have been read.
     let (mut has_ended, mut has_heading, mut has_items) = (false, false, false);
     for line in lines {
         let key = line.keyword.map(|k| k.0);
-        // A second `Lsystem` begins another one even where `endlsystem` is missing.
+        // A second `Lsystem` begins another L-system even if `endlsystem` is missing.
         let begins = match key {
             Some(Keyword::Lsystem) => has_ended || (has_heading && has_items),
             Some(Keyword::Ring) => has_ended,
@@ -62,7 +63,7 @@ fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
     systems
 }
 
-/// Copies of what a [`Compiler`] needs of an [`ItemParser`], so that the program can be changed while it compiles.
+/// Copies of the parts of an [`ItemParser`] that a [`Compiler`] needs, so that the program can change while it compiles.
 struct CompilerContext {
     globals: Vec<u32>,
     arrays: Rc<[Array]>,
@@ -77,7 +78,7 @@ impl CompilerContext {
     }
 }
 
-/// Program of a file, with the L-systems after the first one as subsystems; `label` is the text after `Lsystem:`.
+/// Program of a file, in which the L-systems after the first one are subsystems; `label` is the text after `Lsystem:`.
 #[derive(Debug)]
 pub(crate) struct ParsedGrammar {
     pub program: Program,
@@ -100,23 +101,23 @@ pub(super) struct ItemParser<'r> {
     globals: Vec<u32>,
     arrays: Vec<Array>,
     shared_arrays: Rc<[Array]>,
-    /// Values of array elements by slot, where they are not 0.
+    /// Nonzero initial values of array elements, by slot.
     array_values: Vec<(u16, f64)>,
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
-    /// Items read so far that count once, and whether they are the homomorphism's own.
+    /// Items read so far that may occur only once, and whether they belong to the homomorphism.
     given: Vec<(Keyword, bool)>,
     ended: bool,
-    /// A production beyond [`MAX_PRODUCTIONS`] was reported.
+    /// True once a production beyond [`MAX_PRODUCTIONS`] was reported.
     has_too_many: bool,
-    /// Place of the last line, after which `endlsystem` is suggested.
+    /// Place of the last line; the suggested `endlsystem` is inserted after it.
     end: Option<SourcePlace>,
 }
 
 /// Reads all L-systems of a file: the first is the main one, the others become its subsystems.
 pub(crate) fn parse(session: &mut ParseSession, tokens: Vec<Token>, start: SourcePlace) -> ParsedGrammar {
     let lines = lines::split_lines(session, &tokens);
-    // The lines hold the tokens again: of a long text both would take a fourth of all memory.
+    // The lines hold copies of the tokens; keeping both would cost a fourth of all memory for a long text.
     drop(tokens);
     let mut p = ItemParser {
         session,
@@ -141,8 +142,8 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: Vec<Token>, start: Sourc
         p.program.symbols.intern(c);
     }
     let (main, others) = p.main_lines(lines);
-    // Global variables and the turtle are known before any production is compiled, wherever their items stand.
-    // All L-systems of a file share their variables and arrays.
+    // Collect global variables and turtle bindings before compiling any production, wherever their items are in the file.
+    // All L-systems of a file share variables and arrays.
     let all = || main.iter().chain(others.iter().flatten());
     p.collect_globals(all());
     for line in all().filter(|l| l.keyword.is_some_and(|(k, _)| k == Keyword::Define)) {
@@ -176,20 +177,20 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: Vec<Token>, start: Sourc
 }
 
 impl ItemParser<'_> {
-    /// Separates the lines of the first L-system from those of the others, and records the place of its heading.
+    /// Separates the lines of the first L-system from those of the others, and stores the place of its heading.
     fn main_lines(&mut self, lines: Vec<LogicalLine>) -> (Vec<LogicalLine>, Vec<Vec<LogicalLine>>) {
         let mut systems = split_systems(lines);
-        // Lines before the first heading belong to it.
+        // Lines before the first heading belong to the first L-system.
         let main = if systems.is_empty() { Vec::new() } else { systems.remove(0) };
         self.header = main.iter().find(|l| l.is_heading()).and_then(LogicalLine::place);
         (main, systems)
     }
 
-    /// Reads another L-system of the file: its productions, and its blocks, which run after those of the main one. Its axiom
-    /// and derivation length are read and not used.
+    /// Reads another L-system of the file: its productions, and its blocks, which run after those of the main L-system. Its
+    /// axiom and derivation length are read, but have no effect.
     fn subsystem(&mut self, lines: &[LogicalLine]) {
         let program = &mut self.program;
-        // The parser fills the sections of the main L-system, which are put aside.
+        // The parser fills the sections of the main L-system, so that these are saved here and restored below.
         let main = SubSystem {
             label: None,
             ignored: std::mem::take(&mut program.ignored),
@@ -200,7 +201,7 @@ impl ItemParser<'_> {
         let (axiom, length, place) = (std::mem::take(&mut program.axiom), program.length, program.length_place);
         let (seed, ring) = (program.seed, program.is_ring);
         let blocks = std::mem::take(&mut program.blocks);
-        // Settings that a file may leave out begin anew for each L-system.
+        // Optional settings return to their defaults for each L-system.
         (program.decomposition.depth, program.homomorphism.depth) = (1, 1);
         let (label, first) = (std::mem::take(&mut self.label), self.axiom.take());
         (self.section, self.ended) = (ProductionSection::Productions, false);
@@ -212,7 +213,7 @@ impl ItemParser<'_> {
             self.item(line);
         }
         let program = &mut self.program;
-        // Blocks of all L-systems run one after the other: each is appended to that of the main one.
+        // Blocks of all L-systems run one after the other: append each to the block of the main L-system.
         let own = std::mem::replace(&mut program.blocks, blocks);
         for (slot, code) in [
             (&mut program.blocks.start, own.start),
@@ -233,19 +234,19 @@ impl ItemParser<'_> {
             decomposition: std::mem::replace(&mut program.decomposition, main.decomposition),
             homomorphism: std::mem::replace(&mut program.homomorphism, main.homomorphism),
         });
-        // Axiom, length, seed and ring are those of the main L-system.
+        // Axiom, length, seed and ring of the main L-system remain in force.
         (program.axiom, program.length, program.length_place) = (axiom, length, place);
         (program.seed, program.is_ring) = (seed, ring);
         (self.label, self.axiom) = (label, first);
     }
 
-    /// Every name that a block assigns is global, wherever the block stands.
+    /// Collects the names that blocks assign: all of them are global, wherever the block is in the file.
     fn collect_globals<'l>(&mut self, lines: impl Iterator<Item = &'l LogicalLine>) {
         let blocks = lines.filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define));
         for line in blocks {
             for (i, t) in line.tokens.iter().enumerate() {
                 let TokenKind::Ident(name) = t.kind else { continue };
-                // `name =` but not `name ==`.
+                // Matches `name =`, but not `name ==`.
                 let assigned = line.tokens.get(i + 1).is_some_and(|t| t.is('='))
                     && !line.tokens.get(i + 2).is_some_and(|t| t.is('=') && t.glued);
                 if assigned && !self.globals.contains(&name) {
@@ -268,13 +269,13 @@ impl ItemParser<'_> {
         }
     }
 
-    /// Number of global variables, elements of arrays included.
+    /// Number of global variables, array elements included.
     fn variable_count(&self) -> usize {
         let elements = |a: &Array| a.shape.sizes.iter().fold(1, |n, s| n * *s as usize);
         self.globals.len() + self.arrays.iter().chain(self.shared_arrays.iter()).map(elements).sum::<usize>()
     }
 
-    /// `Define: { array a[2,3] = {1,2,3,4,5,6}; array b[4]; }`
+    /// Reads a `Define` block: `Define: { array a[2,3] = {1,2,3,4,5,6}; array b[4]; }`
     fn define_item(&mut self, line: &LogicalLine) {
         let (Some((_, n)), Some(place)) = (line.keyword, line.place()) else { return };
         let Some(inner) = self.block_tokens(line, n, place) else { return };
@@ -297,7 +298,7 @@ impl ItemParser<'_> {
                 return self.session.error_help("L001", message, cursor.place(), help);
             }
             cursor.bump();
-            // One `array` may declare several, separated by commas.
+            // One `array` may declare several arrays, separated by commas.
             loop {
                 if self.array_definition(&mut cursor).is_none() {
                     return;
@@ -313,7 +314,7 @@ impl ItemParser<'_> {
         }
     }
 
-    /// `name[2,3] = {..}`: declares an array; `None` after an error.
+    /// Reads the declaration of an array, `name[2,3] = {..}`; `None` after an error.
     fn array_definition(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let place = cursor.place();
         let Some(TokenKind::Ident(name)) = cursor.peek().map(|t| t.kind) else {
@@ -326,7 +327,7 @@ impl ItemParser<'_> {
             self.session.error("L024", format!("'{word}' is defined twice"), place, "the second one");
             return None;
         }
-        // Sizes in one pair of brackets or in one pair each.
+        // Sizes may stand in one pair of brackets or in a pair each.
         let mut sizes = Vec::new();
         while cursor.eat('[') {
             loop {
@@ -370,11 +371,11 @@ impl ItemParser<'_> {
         Some(())
     }
 
-    /// `{1, 2, {3, 4}}`: values in the order of the elements.
+    /// Reads initial values `{1, 2, {3, 4}}` in the order of the elements.
     fn array_initializer(&mut self, cursor: &mut TokenCursor<'_>, word: &str, first: u16, count: usize) -> Option<()> {
         let place = cursor.place();
         self.expect(cursor, '{')?;
-        // Inner braces only group: values fill the elements in the order in which they are written.
+        // Inner braces are only grouping: values fill the elements in the order of the text.
         let (mut depth, mut given) = (1_usize, 0_usize);
         while depth > 0 {
             if cursor.eat('{') {
@@ -396,7 +397,7 @@ impl ItemParser<'_> {
         Some(())
     }
 
-    /// Value of an expression of constants; L001 and `None` for any other.
+    /// Value of a constant expression; L001 and `None` for other expressions.
     fn constant(&mut self, cursor: &mut TokenCursor<'_>) -> Option<f64> {
         let place = cursor.place();
         let mut compiler = self.compiler(NameScope::Global);
@@ -418,7 +419,7 @@ impl ItemParser<'_> {
         None
     }
 
-    /// Lets the derivation begin with the values of the arrays, before the statements of `Start`.
+    /// Sets the initial values of arrays at the start of the derivation, before the statements of `Start`.
     fn set_array_values(&mut self) {
         let values = std::mem::take(&mut self.array_values);
         if values.is_empty() {
@@ -443,7 +444,7 @@ impl ItemParser<'_> {
             }
             body => {
                 let at = body.first().map_or(place, |t| t.place);
-                // Articles on L-systems name the axiom `start`.
+                // Publications on L-systems call the axiom `start`.
                 let help = "put the statements of the block in braces: Start: { n = 1; }; the string that a derivation starts with is \
                             the axiom: Axiom: F";
                 self.session.error_help("L001", "unexpected token, expected '{'".into(), at, help);
@@ -468,9 +469,9 @@ impl ItemParser<'_> {
         *slot = Some(code);
     }
 
-    /// L008 for a second item of its kind, which replaces the first one.
+    /// L008 for a repeated item, which replaces the first one.
     fn check_second(&mut self, key: Keyword, place: SourcePlace) {
-        // The homomorphism has a seed and a depth of its own; the length is that of the L-system wherever it stands.
+        // The homomorphism has its own seed and depth; the length belongs to the L-system in any section.
         let has_own = matches!(key, Keyword::Seed | Keyword::Depth);
         let item = (key, has_own && self.section == ProductionSection::Homomorphism);
         if !self.given.contains(&item) {
@@ -506,7 +507,7 @@ impl ItemParser<'_> {
                     self.label = self.spelling(value);
                 }
             }
-            // `Seed:` belongs to the section in which it stands; sections other than the homomorphism share one seed.
+            // `Seed:` belongs to the section it is in; all sections other than the homomorphism share one seed.
             Keyword::Seed => {
                 let seed = self.integer(value, head);
                 match self.section {
@@ -560,7 +561,7 @@ impl ItemParser<'_> {
         self.section = if is_homomorphism { ProductionSection::Homomorphism } else { ProductionSection::Decomposition };
         let rules = if is_homomorphism { &mut self.program.homomorphism } else { &mut self.program.decomposition };
         rules.place = Some(place);
-        // Items of the section may follow its heading on the same line.
+        // Items of the section may follow on the same line as its heading.
         let mut rest = value;
         while let Some(first) = rest.first() {
             let keyword_at = |i: usize| lines::keyword(&self.session.names, &rest[i..]);
@@ -577,13 +578,14 @@ impl ItemParser<'_> {
         }
     }
 
-    /// Spellings of tokens, joined by blanks.
+    /// Texts of tokens, joined by blanks.
     pub(super) fn spelling(&self, tokens: &[Token]) -> String {
         let word = |t: &Token| describe(&self.session.names, t).trim_matches(['\'', '"']).to_owned();
         tokens.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
-    /// A constant item value, cut to an integer with L008 if it is a fraction; L001 for a missing or variable one.
+    /// The constant value of an item as an integer: L008 if a fraction was truncated, L001 if the value is missing or not
+    /// constant.
     fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
             let help = "write the number behind the colon";
@@ -638,7 +640,7 @@ impl ItemParser<'_> {
                 return self.session.error_help("L010", message, place, "remove this line or the one before");
             }
         }
-        // Quotes are symbols like any other character.
+        // A quote is a symbol like any other character.
         let mut list = Vec::new();
         for t in value {
             let symbols = &mut self.program.symbols;
@@ -665,7 +667,7 @@ impl ItemParser<'_> {
             ProductionSection::Homomorphism => &self.program.homomorphism,
         };
         if known.list.len() >= MAX_PRODUCTIONS {
-            // One report for the first that is too many: the others have the same cause.
+            // Report only the first excess production: the others have the same cause.
             if let Some(place) = line.place().filter(|_| !self.has_too_many) {
                 let message = format!("more than {MAX_PRODUCTIONS} productions");
                 let help = "give symbols parameters, so that one production serves for many cases";
@@ -685,7 +687,7 @@ impl ItemParser<'_> {
         rules.list.push(parsed);
     }
 
-    /// An arrow as other programs write it, with the tokens that it takes.
+    /// The place of an arrow in the notation of another program; `None` if there is none.
     fn foreign_arrow(&self, line: &LogicalLine) -> Option<SourcePlace> {
         let tokens = &line.tokens;
         let mut depth = 0_usize;
@@ -695,7 +697,7 @@ impl ItemParser<'_> {
             match t.kind {
                 TokenKind::Char('(') => depth += 1,
                 TokenKind::Char(')') => depth = depth.saturating_sub(1),
-                // After these a condition or a block stands, whose signs are no arrows.
+                // A condition or a block follows, in which such characters are not arrows.
                 TokenKind::Char(':' | '{') if depth == 0 => return None,
                 _ if depth > 0 => {}
                 TokenKind::Char('\u{2192}' | '\u{27f6}' | '\u{21d2}') => return Some(t.place),
@@ -722,7 +724,8 @@ impl ItemParser<'_> {
         matches!(token.map(|t| t.kind), Some(TokenKind::Ident(n)) if self.session.names.get(n) == word)
     }
 
-    /// The item of grammars that corresponds to an item of another notation at the start of a line: `angle: 25`, `angle = 25`, `angle 25`.
+    /// The item that corresponds to an item of another notation at the start of a line: `angle: 25`, `angle = 25`, `angle
+    /// 25`.
     fn foreign_item(&self, line: &LogicalLine) -> Option<&'static str> {
         let [first, sign, ..] = &line.tokens[..] else { return None };
         let TokenKind::Ident(n) = first.kind else { return None };
@@ -733,9 +736,9 @@ impl ItemParser<'_> {
         FOREIGN_ITEMS.iter().find(|(words, _)| words.contains(&word.as_str())).map(|(_, help)| *help)
     }
 
-    /// A line that is neither an item nor a production.
+    /// Reports a line that is neither an item nor a production.
     fn unknown_line(&mut self, line: &LogicalLine, place: SourcePlace) {
-        // The name of an item and its value without the colon, or with `=` in its place.
+        // The name of an item and its value, without a colon or with `=` instead.
         if let Some(count) = lines::name_without_colon(&self.session.names, &line.tokens) {
             let spelled = self.spelling(&line.tokens[..count]);
             let message = format!("'{spelled}' without a colon behind it");
@@ -761,7 +764,7 @@ impl ItemParser<'_> {
             let message = "unexpected sign, expected '-->' between predecessor and successor".to_owned();
             return self.session.error_fix("L001", message, arrow, "did you mean '-->'?", "-->");
         }
-        // A few plain words before a ":" look like a misspelled item; anything else lacks its arrow.
+        // A few plain words before a ":" are probably a misspelled item; any other line lacks its arrow.
         let colon = line.tokens.iter().position(|t| t.is(':') || t.is('{'));
         let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
         let all_words = !words.is_empty() && words.iter().all(|t| matches!(t.kind, TokenKind::Ident(_)));
@@ -805,7 +808,7 @@ impl ItemParser<'_> {
         if !self.ended {
             let help = "add a last line 'endlsystem'";
             let mut d = Diagnostic::error("L003", "the L-system has no 'endlsystem'", at.span, "here").help(help);
-            // The missing line goes after the last one.
+            // Suggest to insert the missing line after the last one.
             if let Some(end) = self.end {
                 let behind = Span { start: end.span.end, ..end.span };
                 d = with_fix(d, SourcePlace { span: behind, ..end }, "\nendlsystem");

@@ -1,9 +1,9 @@
-//! Tokens to logical lines: one item or production each.
+//! Splits tokens into logical lines, each with one item or production.
 
 use super::is_arrow;
 use crate::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind};
 
-/// Kinds of items, by the words that begin their lines.
+/// Kinds of items, each identified by the words at the beginning of its line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Keyword {
     Lsystem,
@@ -29,7 +29,7 @@ pub(super) enum Keyword {
     Bind,
 }
 
-/// Spelling without blanks, keyword, spelling in messages.
+/// Keywords: spelling without blanks, kind, spelling in messages.
 pub(super) const KEYWORDS: [(&str, Keyword, &str); 22] = [
     ("lsystem", Keyword::Lsystem, "Lsystem"),
     ("ringlsystem", Keyword::Ring, "ring Lsystem"),
@@ -55,8 +55,8 @@ pub(super) const KEYWORDS: [(&str, Keyword, &str); 22] = [
     ("bind", Keyword::Bind, "bind"),
 ];
 
-/// One logical line without line ends, with the position of the arrow if it is a production, or else its keyword and the number
-/// of tokens of the keyword.
+/// One logical line without line ends: the position of the arrow if it is a production, else its keyword and the number of
+/// tokens of the keyword.
 #[derive(Debug)]
 pub(super) struct LogicalLine {
     pub tokens: Vec<Token>,
@@ -70,13 +70,13 @@ impl LogicalLine {
         matches!(self.keyword, Some((Keyword::Lsystem | Keyword::Ring, _)))
     }
 
-    /// From the first token to the last; `None` without tokens.
+    /// The place from the first token to the last; `None` without tokens.
     pub fn place(&self) -> Option<SourcePlace> {
         Some(self.tokens.first()?.place.to(self.tokens.last()?.place))
     }
 }
 
-/// The longest keyword that tokens spell at their beginning, and how many of them it takes; blanks and case are ignored.
+/// The longest keyword at the beginning of the tokens, and the number of its tokens; blanks and case are ignored.
 fn spelled_keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     let mut word = String::new();
     let mut best = None;
@@ -93,7 +93,7 @@ fn spelled_keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usiz
     best
 }
 
-/// Number of tokens of an item's name that a value follows without the colon between them, as in `Axiom F`; `None` for other lines.
+/// Number of tokens in an item's name whose value follows without a colon, as in `Axiom F`; `None` for other lines.
 pub(super) fn name_without_colon(names: &NameTable, tokens: &[Token]) -> Option<usize> {
     let (k, n) = spelled_keyword(names, tokens)?;
     let has_value = matches!(
@@ -103,7 +103,7 @@ pub(super) fn name_without_colon(names: &NameTable, tokens: &[Token]) -> Option<
     (has_value && tokens.get(n).is_some_and(|t| !t.is(':'))).then_some(n)
 }
 
-/// The keyword that a list of tokens begins with and how many tokens it takes.
+/// The keyword at the beginning of the tokens, and the number of its tokens.
 pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     // The longest keyword wins: "derivation length", "define-angle".
     let (k, n) = spelled_keyword(names, tokens)?;
@@ -118,10 +118,10 @@ pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, u
             | Keyword::EndLsystem
     );
     let next = tokens.get(n);
-    // Any symbol may follow `bind`, a colon only as the second.
+    // `bind` is followed by any symbol and then a colon.
     let colon_optional = colon_optional || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
-    // Other keywords count only in front of a colon or a brace, or as the only word of their line, so that symbols may be
-    // spelled like keywords.
+    // Other keywords need a colon or a brace after them, or a line of their own, so that symbols may be spelled like
+    // keywords.
     let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || colon_optional || next.is_none();
     fits.then_some((k, n))
 }
@@ -147,16 +147,16 @@ struct LineSplitter<'a> {
     arrow: Option<usize>,
     parens: usize,
     braces: usize,
-    /// Place of the outermost brace that is not closed yet.
+    /// Place of the outermost open brace.
     opened: Option<SourcePlace>,
     i: usize,
 }
 
 impl LineSplitter<'_> {
-    /// Takes one token; true if the logical line ends with it.
+    /// Consumes one token; true if it ends the logical line.
     fn take_token(&mut self) -> bool {
         let Some(&t) = self.tokens.get(self.i) else { return true };
-        // The first arrow outside braces makes the line a production; parentheses before it no longer matter.
+        // The first arrow outside braces makes the line a production; open parentheses before it are then ignored.
         if self.arrow.is_none() && self.braces == 0 && is_arrow(self.tokens, self.i) {
             self.arrow = Some(self.current.len());
             self.parens = 0;
@@ -185,32 +185,33 @@ impl LineSplitter<'_> {
             && keyword(&self.session.names, &self.current).is_some_and(|(k, _)| is_block(k))
     }
 
-    /// Does the logical line end at this line end?
+    /// True if this line end also ends the logical line.
     fn ends_here(&mut self, indented: bool, tab: bool, newline: Token) -> bool {
         if self.current.is_empty() {
             return false;
         }
-        // A logical line continues over indented physical lines, inside braces, and inside open parentheses.
+        // A logical line continues on indented physical lines, inside braces, and inside open parentheses.
         let next = self.next_line();
         let next_is_rule = (0..next.len()).any(|i| is_arrow(next, i));
         if self.braces > 0 {
-            // An unclosed block must not swallow the rest of the file, nor a polygon of the axiom that a production ends.
+            // Recover from an unclosed block at the next item, and from an unclosed polygon of the axiom also at the next
+            // production.
             let ends = keyword(&self.session.names, next).is_some();
             return if self.lists_symbols(&self.current) { ends || next_is_rule } else { !indented && ends };
         }
         if self.parens > 0 {
-            // An unclosed parenthesis must not swallow the rest of the file.
+            // Recover from an unclosed parenthesis at the next item or production.
             let recover = next_is_rule || keyword(&self.session.names, next).is_some();
             return recover && (self.arrow.is_some() || !indented);
         }
-        // The brace of a block may stand on the line after its keyword.
+        // The opening brace of a block may be on the line after its keyword.
         let key = keyword(&self.session.names, &self.current);
         if next.first().is_some_and(|t| t.is('{')) && key.is_some_and(|(k, _)| is_block(k)) {
             return false;
         }
         let continues = key.is_none_or(|(k, _)| matches!(k, Keyword::Axiom | Keyword::Angles | Keyword::Bind));
         if continues && next.is_empty() {
-            // A comment or a directive on a line of its own, or a blank line.
+            // The next line is blank, a comment or a directive.
             return !self.continues_behind_blank_lines(key.is_some());
         }
         if !indented || !continues || keyword(&self.session.names, next).is_some() {
@@ -226,9 +227,9 @@ impl LineSplitter<'_> {
         false
     }
 
-    /// Before lines without tokens: do the indented lines after them continue with this logical line? They do not if they are a
-    /// production of their own, whose arrow may stand on a later line than its predecessor. `is_item`: a keyword begins the line.
-    /// If they do, the lines without tokens are passed over.
+    /// Called before lines without tokens. True if the indented lines after them continue this logical line, in which case
+    /// the empty lines are skipped. They do not continue it if they begin a production, whose arrow may be on a later line.
+    /// `is_item`: the logical line begins with a keyword.
     fn continues_behind_blank_lines(&mut self, is_item: bool) -> bool {
         let rest = &self.tokens[self.i.min(self.tokens.len())..];
         let blank = rest.iter().take_while(|t| t.is_newline()).count();
@@ -236,7 +237,7 @@ impl LineSplitter<'_> {
         if !matches!(rest[last].kind, TokenKind::Newline { indented: true, .. }) || behind.is_empty() {
             return false;
         }
-        // Without an arrow yet, whatever follows belongs to the production.
+        // A production without its arrow continues in any case.
         if (self.arrow.is_some() || is_item) && self.begins_production(behind) {
             return false;
         }
@@ -244,27 +245,27 @@ impl LineSplitter<'_> {
         true
     }
 
-    /// Do these lines, up to the next one without tokens, begin with a production? Its arrow may stand on a later line.
+    /// True if these lines, up to the next line without tokens, begin with a production. Its arrow may be on a later line.
     fn begins_production(&self, tokens: &[Token]) -> bool {
         for (i, line) in tokens.split(Token::is_newline).enumerate() {
             if line.is_empty() || keyword(&self.session.names, line).is_some() {
                 return false;
             }
             if (0..line.len()).any(|k| is_arrow(line, k)) {
-                // An arrow further on in a later line belongs to a production that begins there.
+                // An arrow further along a later line belongs to a production that begins on that line.
                 return i == 0 || is_arrow(line, 0) || line[0].is(':');
             }
         }
         false
     }
 
-    /// Items in which a brace is a symbol and need not be closed.
+    /// True for items in which a brace is a symbol and need not be closed.
     fn lists_symbols(&self, tokens: &[Token]) -> bool {
         let key = keyword(&self.session.names, tokens).map(|(k, _)| k);
         matches!(key, Some(Keyword::Axiom | Keyword::Ignore | Keyword::Consider | Keyword::Bind))
     }
 
-    /// Tokens of the physical line after the cursor.
+    /// Tokens of the next physical line.
     fn next_line(&self) -> &[Token] {
         let rest = &self.tokens[self.i.min(self.tokens.len())..];
         let n = rest.iter().position(Token::is_newline).unwrap_or(rest.len());
@@ -273,7 +274,7 @@ impl LineSplitter<'_> {
 
     fn finish_line(&mut self, lines: &mut Vec<LogicalLine>) {
         let mut tokens = std::mem::take(&mut self.current);
-        // A file of many short lines would keep more room than tokens.
+        // Free the spare capacity, which would exceed the tokens in a file of many short lines.
         tokens.shrink_to_fit();
         let arrow = self.arrow.take();
         let unclosed = self.opened.take().filter(|_| self.braces > 0 && !self.lists_symbols(&tokens));

@@ -1,4 +1,4 @@
-//! Tokens to [`Program`]: items, productions, statements, expressions.
+//! Compiles tokens to a [`Program`]: items, productions, statements, expressions.
 
 mod binding;
 mod expression;
@@ -18,11 +18,11 @@ use osier_base::diagnostic::{Diagnostic, nearest};
 pub(super) use items::parse;
 pub(super) use production::check_balance;
 
-/// A place in a list of tokens without line ends.
+/// A cursor over a list of tokens without line ends.
 pub(super) struct TokenCursor<'t> {
     tokens: &'t [Token],
     pos: usize,
-    /// Location of diagnostics about a missing token.
+    /// Place of diagnostics about a missing token.
     fallback: SourcePlace,
 }
 
@@ -39,9 +39,9 @@ impl<'t> TokenCursor<'t> {
         self.tokens.get(self.pos + ahead)
     }
 
-    /// The character `ahead` tokens on, if all tokens up to it stick together.
+    /// The character `ahead` tokens after the cursor, if no blank separates the tokens up to it.
     pub fn glued_char(&self, ahead: usize) -> Option<char> {
-        // Operators of several characters come as single characters that touch.
+        // Operators of several characters are lexed as single characters that touch.
         let run = self.tokens.get(self.pos + 1..=self.pos + ahead)?;
         match run.last()?.kind {
             TokenKind::Char(c) if run.iter().all(|t| t.glued) => Some(c),
@@ -53,7 +53,7 @@ impl<'t> TokenCursor<'t> {
         self.pos += 1;
     }
 
-    /// Takes this character if it comes next.
+    /// Consumes the next token if it is this character.
     pub fn eat(&mut self, c: char) -> bool {
         let found = self.peek().is_some_and(|t| t.is(c));
         self.pos += usize::from(found);
@@ -65,32 +65,32 @@ impl<'t> TokenCursor<'t> {
     }
 }
 
-/// Which names an expression may use.
+/// Context of an expression, which determines the names that it may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NameScope {
     /// `#if`: every name counts as 0.
     Preprocessor,
-    /// Item values and blocks: what blocks assign is global.
+    /// Item values and blocks: all assigned variables are global.
     Global,
-    /// Productions: formal parameters, then locals, then globals.
+    /// Productions: names are formal parameters, then local, then global variables.
     Production,
-    /// Angles of the turtle: locals are the angles.
+    /// Angle definitions of the turtle: the local variables are the angles.
     Angle,
 }
 
-/// Variables in scope, and the session that diagnostics go to.
+/// The variables in scope, and the session that collects diagnostics.
 pub(super) struct Compiler<'r> {
     pub session: &'r mut ParseSession,
     pub scope: NameScope,
-    /// Numbers of global names; the position is the slot.
+    /// Name numbers of global variables; the position is the slot.
     pub globals: Vec<u32>,
-    /// Numbers of local names; the position is the slot.
+    /// Name numbers of local variables; the position is the slot.
     pub locals: Vec<u32>,
-    /// Slots of the locals that hold a module's parameter as it was stored.
+    /// Slots of local variables that still hold a module's parameter as it was stored.
     pub parameter_slots: Vec<u16>,
-    /// Most nested expressions, blocks and `repeat`s; no flag changes it.
+    /// Limit on the nesting of expressions, blocks and `repeat`s; no option changes it.
     pub max_depth: usize,
-    /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
+    /// True if the grammar has a `turtle:` item: then `*` is an ordinary symbol and `repeat` a keyword.
     pub has_turtle: bool,
     /// Arrays of all `Define` blocks of the file.
     pub arrays: Rc<[Array]>,
@@ -110,12 +110,12 @@ impl<'r> Compiler<'r> {
         Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false, arrays }
     }
 
-    /// Index in `arrays` of the array of a name; a formal parameter or a local variable of the same name hides it.
+    /// Index in `arrays` of the array with this name; a formal parameter or local variable of the same name hides it.
     pub fn array(&self, name: u32) -> Option<usize> {
         self.arrays.iter().position(|a| a.name == name).filter(|_| !self.locals.contains(&name))
     }
 
-    /// An element of an array with `given` indices; L022 if it takes another number of them.
+    /// Access to an array element with `given` indices; L022 if the array has another number of dimensions.
     pub fn element(&mut self, array: usize, given: usize, place: SourcePlace) -> Option<ElementAccess> {
         let array = self.arrays.get(array)?;
         let (wanted, name) = (array.shape.sizes.len(), self.session.names.get(array.name).to_owned());
@@ -134,12 +134,12 @@ impl<'r> Compiler<'r> {
     }
 
     fn slot(list: &[u32], name: u32) -> Option<u16> {
-        // The last of a name: an inner variable hides an outer one.
+        // If a name occurs repeatedly, the last one counts: an inner variable hides an outer one.
         list.iter().rposition(|n| *n == name).and_then(|i| u16::try_from(i).ok())
     }
 
-    /// Instruction that reads a variable: a local, a global, then `Q`, `Z` and `remaining`, then the number of a function of a
-    /// companion file. Other names read 0, with L020 except in `#if`.
+    /// Instruction that reads a variable. Names are searched among local variables, global variables, `Q`, `Z`, `remaining`,
+    /// and functions of companion files, in this order. Other names read as 0, with L020 except in `#if`.
     pub fn load_variable(&mut self, name: u32, place: SourcePlace) -> Op {
         if let Some(slot) = Self::slot(&self.locals, name) {
             return Op::Local(slot);
@@ -156,7 +156,7 @@ impl<'r> Compiler<'r> {
             _ if self.scope == NameScope::Preprocessor => return Op::Const(0.0),
             _ => {}
         }
-        // cpfg has the names of functions as their file has them.
+        // cpfg knows functions by their names as written in their files.
         if let Some(id) = self.session.functions.id_of(&word) {
             return Op::Const(f64::from(id));
         }
@@ -182,7 +182,7 @@ impl<'r> Compiler<'r> {
         next_slot(self.session, &self.locals, place)
     }
 
-    /// Instruction that writes a variable. The first assignment of a name declares it.
+    /// Instruction that writes a variable; the first assignment to a name declares the variable.
     pub fn store_variable(&mut self, name: u32, place: SourcePlace) -> Option<Op> {
         if let Some(slot) = Self::slot(&self.locals, name) {
             self.parameter_slots.retain(|s| *s != slot);
@@ -199,7 +199,7 @@ impl<'r> Compiler<'r> {
     }
 }
 
-/// Slot after the last variable of a table; `None` after an error if the table is full.
+/// Slot for a new variable at the end of a table; `None` after an error if the table is full.
 fn next_slot(session: &mut ParseSession, variables: &[u32], place: SourcePlace) -> Option<u16> {
     let slot = u16::try_from(variables.len()).ok();
     if slot.is_none() {
@@ -208,7 +208,7 @@ fn next_slot(session: &mut ParseSession, variables: &[u32], place: SourcePlace) 
     slot
 }
 
-/// A token in quotes as in messages, `'x'` or `"file"`; `end of line` for a line end.
+/// A token in quotes for messages, `'x'` or `"file"`; `end of line` for a line end.
 pub(super) fn describe(names: &NameTable, t: &Token) -> String {
     match t.kind {
         TokenKind::Ident(n) | TokenKind::Number(n) => format!("'{}'", names.get(n)),
@@ -218,7 +218,7 @@ pub(super) fn describe(names: &NameTable, t: &Token) -> String {
     }
 }
 
-/// Value of an `#if` expression as a truth value; false after a syntax error.
+/// Truth value of an `#if` expression; false after a syntax error.
 pub(super) fn evaluate_condition(session: &mut ParseSession, tokens: &[Token], place: SourcePlace) -> bool {
     let mut compiler = Compiler::new(session, NameScope::Preprocessor);
     let mut cursor = TokenCursor::new(tokens, place);
@@ -240,7 +240,7 @@ pub(super) fn is_arrow(tokens: &[Token], i: usize) -> bool {
     }
 }
 
-/// Compiles an expression that must fill the whole list of tokens; L001 for tokens after it.
+/// Compiles an expression that must use all tokens; L001 for tokens after it.
 fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Bytecode> {
     let mut cursor = TokenCursor::new(tokens, place);
     let code = expression::compile_expression(compiler, &mut cursor)?;

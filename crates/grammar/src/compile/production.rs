@@ -1,4 +1,4 @@
-//! Productions: contexts, predecessor, blocks, condition, successor, weight.
+//! Compiles productions: contexts, predecessor, blocks, condition, successor, weight.
 
 use super::lines::LogicalLine;
 use super::symbol::{intern, symbols_of};
@@ -101,7 +101,7 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
             _ => {}
         }
     }
-    // `<<` and `>>` of other programs see the string that the step makes.
+    // In other programs `<<` and `>>` are contexts in the new string.
     for i in [less, greater].into_iter().flatten() {
         if let (Some(t), Some(next)) = (tokens.get(i), tokens.get(i + 1))
             && next.glued
@@ -120,7 +120,7 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
     let left = less.map_or(&[][..], |l| &tokens[..l]);
     let right = greater.map_or(&[][..], |g| &tokens[g + 1..end]);
     let predecessor = &tokens[less.map_or(0, |l| l + 1)..greater.unwrap_or(end)];
-    // Optional block before the condition, condition, optional block after it.
+    // Optional block before the condition, the condition, optional block after it.
     let mut i = end + usize::from(tokens.get(end).is_some_and(|t| t.is(':')));
     let mut blocks: [Option<&[Token]>; 2] = [None, None];
     let mut condition: &[Token] = &[];
@@ -162,8 +162,8 @@ impl HeadCompiler<'_, '_, '_> {
         None
     }
 
-    /// The strict predecessor. Brackets among its modules are matched literally; a predecessor of nothing but brackets is an
-    /// error.
+    /// Compiles the strict predecessor. Brackets among its modules are matched literally; a predecessor of brackets alone is
+    /// an error.
     fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<FormalModule>> {
         let elements = self.context_elements(tokens)?;
         let bracket = elements.iter().find(|(e, _)| !matches!(e, ContextElement::Module(_))).map(|(_, place)| *place);
@@ -249,7 +249,7 @@ impl HeadCompiler<'_, '_, '_> {
         Some(out)
     }
 
-    /// `a, b)` after a module: names its parameters; returns the index after the parenthesis.
+    /// Reads the parameter names `a, b)` after a module; returns the index after the parenthesis.
     fn formal_parameters(
         &mut self,
         tokens: &[Token],
@@ -276,7 +276,7 @@ impl HeadCompiler<'_, '_, '_> {
                 self.compiler.session.error_help("L001", message, t.place, help);
                 return None;
             };
-            // Names must differ over all modules of the head: each is one variable.
+            // Names must differ over all modules of the head, as each is one variable.
             if self.compiler.locals.contains(&name) {
                 let word = self.compiler.session.names.get(name).to_owned();
                 let message = format!("parameter '{word}' is named twice");
@@ -287,7 +287,7 @@ impl HeadCompiler<'_, '_, '_> {
             self.compiler.parameter_slots.push(slot);
             self.compiler.locals.push(name);
             count += 1;
-            // The module is in `out` already; its arity follows the parameters.
+            // The module is already in `out`; its arity is set after its parameters are read.
             let Ok(arity) = u8::try_from(count) else {
                 return self.ill_formed("a module has at most 255 parameters", t.place);
             };
@@ -306,8 +306,8 @@ impl HeadCompiler<'_, '_, '_> {
     }
 }
 
-/// Warns about brackets and braces that a successor or the axiom (`what`, at `place`) opens and leaves open. `end`: its last
-/// token.
+/// Warns about brackets and braces that a successor or the axiom (`what`, at `place`) opens but does not close. `end`: its
+/// last token.
 pub fn check_balance(
     session: &mut ParseSession,
     successor: &[SuccessorModule],
@@ -321,7 +321,7 @@ pub fn check_balance(
         for m in successor {
             match symbols.get(m.symbol) {
                 c if c == open => stack.push(m.place),
-                // A closing bracket without an opening one is legal: it may close a bracket of another successor.
+                // A closing bracket without an opening one is legal: its partner may be in another successor.
                 c if c == close => {
                     stack.pop();
                 }
@@ -334,7 +334,7 @@ pub fn check_balance(
             let mut d = Diagnostic::warning(code, message, innermost.span, "the innermost")
                 .label(place.span, here)
                 .help(format!("close it with '{close}'"));
-            // A single open bracket may be meant to reach to the end.
+            // If a single bracket is open, it may be meant to extend to the end.
             if stack.len() == 1 && innermost.origin == 0 {
                 let behind = Span { start: end.span.end, ..end.span };
                 d = with_fix(d, SourcePlace { span: behind, ..end }, close.to_string());

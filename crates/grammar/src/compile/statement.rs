@@ -1,4 +1,4 @@
-//! Statements of blocks, with an explicit stack of open braces.
+//! Compiles the statements of blocks, with an explicit stack of open braces.
 
 use super::expression::compile_expression;
 use super::{Compiler, TokenCursor, whole_expression};
@@ -7,14 +7,14 @@ use crate::print_format::PrintFormat;
 use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::Diagnostic;
 
-/// An open brace with the jumps to patch when it closes.
+/// An open brace, with the jumps whose targets are set when it closes.
 enum OpenBrace {
-    /// Jump over the block, jumps to the end of the whole chain.
+    /// The jump over the block, and the jumps to the end of the whole if-chain.
     If(usize, Vec<usize>),
     Else(Vec<usize>),
-    /// Start of the condition, jump out.
+    /// Start of the condition, and the jump out of the loop.
     While(usize, usize),
-    /// Index of the first instruction of the body, where the loop continues.
+    /// Index of the first instruction of the body, to which the loop jumps back.
     Do(usize),
 }
 
@@ -76,15 +76,14 @@ impl BlockCompiler<'_, '_> {
                 self.close_brace(cursor, t.place)
             }
             TokenKind::Ident(name) => {
-                // Every statement counts against the budget of statements.
+                // Every statement counts against the limit on statements.
                 self.count_statement(t.place);
                 match self.compiler.session.names.get(name) {
                     "if" => {
                         cursor.bump();
                         self.begin_if(cursor, Vec::new())
                     }
-                    // A loop jumps back to its counter, the instruction before the condition, so that every iteration
-                    // is counted.
+                    // A loop jumps back to its `Count` instruction before the condition, so that every iteration is counted.
                     "while" => {
                         cursor.bump();
                         let start = self.position() - 1;
@@ -140,7 +139,7 @@ impl BlockCompiler<'_, '_> {
         Some(())
     }
 
-    /// L001 for a statement without braces after `if`, `else`, `while` or `do`.
+    /// Reports L001 for a statement without braces after `if`, `else`, `while` or `do`.
     fn refuse_without_braces(&mut self, cursor: &TokenCursor<'_>, open: &OpenBrace) -> Option<()> {
         let after = match open {
             OpenBrace::If(..) => "if (..)",
@@ -151,7 +150,7 @@ impl BlockCompiler<'_, '_> {
         let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| self.compiler.describe(t));
         let message = format!("unexpected {found}, expected '{{' after '{after}'");
         let help = format!("put the statement in braces: {after} {{ .. }}");
-        // The statement reaches to its semicolon; it is written anew without blanks.
+        // The text up to the semicolon, without blanks.
         let mut text = String::new();
         let mut ahead = 0;
         while let Some(t) = cursor.peek_at(ahead) {
@@ -171,7 +170,7 @@ impl BlockCompiler<'_, '_> {
         None
     }
 
-    /// A condition in parentheses; returns the jump taken when it fails.
+    /// Compiles a condition in parentheses; returns the jump that is taken if it is false.
     fn condition(&mut self, cursor: &mut TokenCursor<'_>) -> Option<usize> {
         self.expect(cursor, '(')?;
         self.append_expression(cursor)?;
@@ -213,7 +212,7 @@ impl BlockCompiler<'_, '_> {
             Some(OpenBrace::If(jump, mut ends)) if self.next_is_word(cursor, "else") => {
                 cursor.bump();
                 self.code.ops.push(Op::Jump(0));
-                // `else`: the block before it jumps to the end of the whole if-chain; its failed condition lands here.
+                // At an `else`, the block before it jumps to the end of the whole if-chain; its false condition leads here.
                 ends.push(self.position() - 1);
                 self.patch_jump(jump);
                 if self.next_is_word(cursor, "if") {
@@ -231,7 +230,7 @@ impl BlockCompiler<'_, '_> {
                 ends.into_iter().for_each(|e| self.patch_jump(e));
                 Some(())
             }
-            // End of a `while` body: back to the condition; a failed condition lands after that jump.
+            // At the end of a `while` body, jump back to the condition; a false condition leads after that jump.
             Some(OpenBrace::While(start, jump)) => {
                 self.code.ops.push(Op::Jump(start));
                 self.patch_jump(jump);
@@ -243,7 +242,7 @@ impl BlockCompiler<'_, '_> {
                     return self.error("'do' block without 'while'".to_owned(), place, help);
                 }
                 cursor.bump();
-                // `do { } while (c)`: the jump back is skipped when the condition fails.
+                // In `do { } while (c)` a false condition skips the jump back.
                 let out = self.condition(cursor)?;
                 self.code.ops.push(Op::Jump(start));
                 self.patch_jump(out);
@@ -254,7 +253,7 @@ impl BlockCompiler<'_, '_> {
 
     fn assignment_or_call(&mut self, cursor: &mut TokenCursor<'_>, name: u32, place: SourcePlace) -> Option<()> {
         let next = cursor.peek_at(1);
-        // A call as a statement: its value is dropped.
+        // A call as a statement: its value is discarded.
         if next.is_some_and(|t| t.is('(')) {
             self.append_expression(cursor)?;
             self.code.ops.push(Op::Pop);
@@ -263,7 +262,7 @@ impl BlockCompiler<'_, '_> {
         if next.is_some_and(|t| t.is('[')) {
             return self.element_statement(cursor, name, place);
         }
-        // A statement that is no assignment is an expression, whose value is dropped.
+        // A statement that is not an assignment is an expression, whose value is discarded.
         let follows = |c: char| cursor.peek_at(2).is_some_and(|t| t.glued && t.is(c));
         let is_equality = next.is_some_and(|t| t.is('=')) && follows('=');
         let doubled = ['+', '-'].iter().any(|c| next.is_some_and(|t| t.is(*c)) && follows(*c));
@@ -283,7 +282,7 @@ impl BlockCompiler<'_, '_> {
         self.expect(cursor, ';')
     }
 
-    /// `a[i,j] = expression;`, or an expression that begins with an element.
+    /// Compiles `a[i,j] = expression;`, or an expression that begins with an array element.
     fn element_statement(&mut self, cursor: &mut TokenCursor<'_>, name: u32, place: SourcePlace) -> Option<()> {
         let Some(array) = self.compiler.array(name) else {
             let word = self.compiler.session.names.get(name).to_owned();
@@ -298,7 +297,7 @@ impl BlockCompiler<'_, '_> {
         cursor.bump();
         let mut given = 0_usize;
         let mut close = place;
-        // Indices in one pair of brackets or in one pair each.
+        // Indices may stand in one pair of brackets or in a pair each.
         while cursor.eat('[') {
             loop {
                 self.append_expression(cursor)?;
@@ -318,7 +317,7 @@ impl BlockCompiler<'_, '_> {
         self.expect(cursor, ';')
     }
 
-    /// True for `name[..] =` with the cursor at the name; false for `==`.
+    /// True for `name[..] =` at the cursor, but not for `name[..] ==`.
     fn assigns_element(&self, cursor: &TokenCursor<'_>) -> bool {
         let mut depth = 0_usize;
         let mut ahead = 1;
@@ -337,7 +336,7 @@ impl BlockCompiler<'_, '_> {
         false
     }
 
-    /// An expression as a statement: computed and dropped, as cpfg does.
+    /// Compiles an expression as a statement, whose value is discarded, as cpfg does.
     fn bare_expression(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
         let errors = self.compiler.session.diagnostics.len();
         self.append_expression(cursor)?;
@@ -350,7 +349,7 @@ impl BlockCompiler<'_, '_> {
         Some(())
     }
 
-    /// L001 for `v += ..`, `v++` and the like, which do not exist in the language.
+    /// Reports L001 for `v += ..`, `v++` and the like, which the language does not have.
     fn refuse_compound(&mut self, cursor: &TokenCursor<'_>, name: u32, doubled: bool) -> Option<()> {
         let word = self.compiler.session.names.get(name).to_owned();
         let (first, op, last) = (cursor.peek()?, cursor.peek_at(1)?, cursor.peek_at(2)?);
@@ -358,7 +357,7 @@ impl BlockCompiler<'_, '_> {
         let place = op.place.to(last.place);
         let message = format!("unexpected '{sign}', expected '='");
         let mut d = Diagnostic::error("L001", message, place.span, "here");
-        // `v++` is replaced as a whole. Of `v += e` only the operator is replaced: `= v +` in front of e is right for any e.
+        // Replace `v++` as a whole. In `v += e` replace only the operator by `= v +`, which is right for any e.
         if doubled {
             d = d
                 .help(format!("write {word} = {word} {sign} 1"))
@@ -374,7 +373,7 @@ impl BlockCompiler<'_, '_> {
         None
     }
 
-    /// `printf("format", values);`: written to the output of the derivation.
+    /// Compiles `printf("format", values);`, which writes to the output of the derivation.
     fn printf(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
         cursor.bump();
         self.expect(cursor, '(')?;
@@ -392,7 +391,7 @@ impl BlockCompiler<'_, '_> {
             arguments += 1;
         }
         self.expect(cursor, ')')?;
-        // Place of the warning for output that is left out.
+        // Place of the warning about omitted output.
         self.code.places.push(place);
         let format = PrintFormat::new(&format, arguments, self.code.places.len() - 1);
         if format.fields() != arguments {
@@ -402,13 +401,13 @@ impl BlockCompiler<'_, '_> {
         }
         self.code.formats.push(format);
         self.code.ops.push(Op::Print(self.code.formats.len() - 1));
-        // `Print` pushes a 0, which a statement does not use.
+        // Discard the 0 that `Print` pushes.
         self.code.ops.push(Op::Pop);
         self.expect(cursor, ';')
     }
 }
 
-/// Compiles a condition that fills its tokens; a single `*` is true.
+/// Compiles a condition that must use all tokens; a single `*` is true.
 pub(super) fn condition(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Option<Bytecode>> {
     match tokens {
         [] => Some(None),

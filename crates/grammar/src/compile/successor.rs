@@ -1,4 +1,4 @@
-//! Successors and axioms: modules with expressions as parameters, and what is repeated.
+//! Compiles successors and axioms: modules with expressions as parameters, and `repeat`s.
 
 use super::symbol::{LocatedSymbol, MAX_ARITY, intern, symbols_in, text_of};
 use super::{Compiler, TokenCursor, expression};
@@ -9,16 +9,16 @@ use crate::token::{SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::Diagnostic;
 
-/// Modules that one successor may contain after its repeats are expanded; larger counts belong into productions.
+/// Limit on the modules of one successor after its `repeat`s are expanded; productions are the means for larger counts.
 const MAX_SUCCESSOR_MODULES: usize = 1 << 20;
 
-/// A `repeat` whose closing brace has not been read yet.
+/// A `repeat` whose closing brace is not read yet.
 #[derive(Debug)]
 struct OpenRepeat {
     /// Index of the first module of its body.
     start: usize,
     times: usize,
-    /// Polygons that its body has opened.
+    /// Number of polygons open in its body.
     polygons: usize,
     place: SourcePlace,
 }
@@ -29,11 +29,11 @@ struct SuccessorCompiler<'c, 'r, 's> {
     out: Vec<SuccessorModule>,
     repeats: Vec<OpenRepeat>,
     star: Option<SourcePlace>,
-    /// False at the beginning and after a `repeat`, where no module precedes that parameters could belong to.
+    /// False at the beginning and after a `repeat`, where a parenthesis would not follow a module.
     accepts_parameters: bool,
 }
 
-/// Modules with expressions as parameters, up to a ':'; returns the tokens after it, if there is one.
+/// Compiles modules with their parameters up to a ':'; returns the tokens after it, if there is one.
 pub(super) fn successor<'t>(
     compiler: &mut Compiler<'_>,
     symbols: &mut Symbols,
@@ -71,7 +71,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         let has_turtle = self.compiler.has_turtle;
         match t.kind {
             TokenKind::Char('(') => {
-                // Parameters belong to the module right before the parenthesis, once.
+                // Parameters belong to the module directly before the parenthesis, which takes them only once.
                 let known = self.accepts_parameters && self.out.last().is_some_and(|m| m.args.is_empty());
                 if !known {
                     let help = "write all parameters of a module in one pair of parentheses behind it: A(1,2)";
@@ -96,11 +96,11 @@ impl SuccessorCompiler<'_, '_, '_> {
             }
             TokenKind::Char('}') if self.repeats.last().is_some_and(|r| r.polygons == 0) => return self.close_repeat(),
             _ => {
-                // Braces of polygons nest inside a `repeat`: only the brace that balances the `repeat` ends it.
+                // Braces of polygons nest inside a `repeat`: it ends at the brace that matches its own.
                 if let (Some(r), TokenKind::Char(c)) = (self.repeats.last_mut(), t.kind) {
                     r.polygons = (r.polygons + usize::from(c == '{')).saturating_sub(usize::from(c == '}'));
                 }
-                // A word is as many modules as it has letters, and may be the whole of a long file.
+                // A word is one module for each letter; it may be as long as the file.
                 let text = text_of(self.compiler, t);
                 self.out.reserve(text.len());
                 for LocatedSymbol { c, place } in symbols_in(&text, t) {
@@ -116,7 +116,7 @@ impl SuccessorCompiler<'_, '_, '_> {
     /// Reads `n {` after `repeat`.
     fn open_repeat(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
         let code = expression::compile_expression(self.compiler, cursor)?;
-        // The count must be known before derivation, as the successor is expanded here.
+        // The count must be constant, because the successor is expanded here.
         let times = vm::constant_value(&code).filter(|n| (0.0..=1e6).contains(n));
         let Some(times) = times else {
             let message = "'repeat' takes a constant number from 0 to 1,000,000".to_owned();
@@ -142,11 +142,11 @@ impl SuccessorCompiler<'_, '_, '_> {
         Some(())
     }
 
-    /// Ends the innermost `repeat`: copies its body as often as its number says; L050 beyond [`MAX_SUCCESSOR_MODULES`].
+    /// Ends the innermost `repeat`: copies its body the given number of times; L050 beyond [`MAX_SUCCESSOR_MODULES`].
     fn close_repeat(&mut self) -> Option<()> {
         let Some(r) = self.repeats.pop() else { return Some(()) };
         let body = self.out.split_off(r.start.min(self.out.len()));
-        // Check the size before copying: nested repeats multiply.
+        // Check the size before copying, because nested repeats multiply.
         let wanted = body.len().saturating_mul(r.times).saturating_add(self.out.len());
         if wanted > MAX_SUCCESSOR_MODULES {
             let message =
@@ -161,7 +161,8 @@ impl SuccessorCompiler<'_, '_, '_> {
         Some(())
     }
 
-    /// Numbers the occurrences of each symbol, from 0. Fails if `*` has other modules beside it, or if a `repeat` is not closed.
+    /// Numbers the occurrences of each symbol from 0. `None` after an error if `*` stands beside other modules or a `repeat`
+    /// is not closed.
     fn finish(mut self) -> Option<Vec<SuccessorModule>> {
         if let Some(r) = self.repeats.pop() {
             self.compiler.session.error("L004", "'repeat' is never closed", r.place, "opened here");
@@ -171,7 +172,7 @@ impl SuccessorCompiler<'_, '_, '_> {
             let message = "unexpected '*', expected a module: '*' is the empty successor and stands alone".to_owned();
             return self.error_help(message, place, "remove the '*', or the modules beside it");
         }
-        // Occurrences are counted after repeats are expanded, so that all modules have different lineages.
+        // Occurrences are counted after the repeats are expanded, so that all modules get different lineages.
         let mut counts = vec![0_u32; self.symbols.len()];
         for m in &mut self.out {
             if let Some(count) = counts.get_mut(usize::from(m.symbol)) {
@@ -183,14 +184,14 @@ impl SuccessorCompiler<'_, '_, '_> {
     }
 }
 
-/// Expressions up to the closing parenthesis.
+/// Compiles parameters up to the closing parenthesis.
 fn arguments(compiler: &mut Compiler<'_>, cursor: &mut TokenCursor<'_>, open: SourcePlace) -> Option<Vec<Expr>> {
     let mut args = Vec::new();
     if cursor.eat(')') {
         return Some(args);
     }
     loop {
-        // The text of a label, `@L("fmt",x)`, is no parameter: nothing is printed.
+        // The text in a label, `@L("fmt",x)`, is not a parameter: labels are not printed.
         if matches!(cursor.peek().map(|t| t.kind), Some(TokenKind::Text(_))) && args.is_empty() {
             cursor.bump();
             if cursor.eat(')') {

@@ -1,25 +1,25 @@
-//! Symbols of tokens, with the source location of each character.
+//! Splits tokens into symbols, with the source place of each character.
 
 use super::Compiler;
 use crate::symbols::{SymbolId, Symbols};
 use crate::token::{SourcePlace, Token, TokenKind};
 
-/// Upper limit on the parameters of one module, whose number is stored in 8 bits.
+/// Limit on the parameters of one module: their number is stored in 8 bits.
 pub(super) const MAX_ARITY: usize = 255;
 
-/// One symbol: blanks mean nothing, so that a word is as many symbols as it has letters.
+/// One symbol and its place. Blanks are not needed between symbols: a word is one symbol for each letter.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LocatedSymbol {
     pub c: char,
     pub place: SourcePlace,
 }
 
-/// Symbols that a token stands for, each with its place: one per character, quotes included; none for an end of line.
+/// Symbols of a token, each with its place: one per character, quotes included; none for a line end.
 pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<LocatedSymbol> {
     symbols_in(&text_of(compiler, t), t).collect()
 }
 
-/// The characters of a token, quotes included; empty for an end of line.
+/// The text of a token, quotes included; empty for a line end.
 pub(super) fn text_of(compiler: &Compiler<'_>, t: &Token) -> String {
     match t.kind {
         TokenKind::Ident(n) | TokenKind::Number(n) => compiler.session.names.get(n).to_owned(),
@@ -30,12 +30,12 @@ pub(super) fn text_of(compiler: &Compiler<'_>, t: &Token) -> String {
     }
 }
 
-/// One symbol for each character of a token's text, with its place.
+/// The symbols of `text`, one per character, with their places.
 pub(super) fn symbols_in<'t>(text: &'t str, t: &'t Token) -> impl Iterator<Item = LocatedSymbol> + 't {
     let is_word = matches!(t.kind, TokenKind::Ident(_) | TokenKind::Number(_));
     text.char_indices().map(move |(i, c)| {
         let mut place = t.place;
-        // A macro may have changed the text: a character that its token does not contain gets the whole token.
+        // If a macro has changed the text, a character not found in its token gets the place of the whole token.
         if let (Ok(offset), Ok(length)) = (u32::try_from(i), u32::try_from(c.len_utf8()))
             && is_word
             && place.span.start + offset + length <= place.span.end

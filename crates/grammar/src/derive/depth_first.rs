@@ -23,20 +23,20 @@ use osier_base::convert::{saturating_index, to_usize};
 
 /// Receives the modules of a final string, in order.
 pub(super) trait ModuleSink {
-    /// Whether modules are handed over with their lineages, which cost time to compute.
+    /// True if the sink reads lineages, which cost time to compute.
     const NEEDS_LINEAGE: bool;
-    /// False lets a derivation skip the parameters of modules that nothing rewrites any more.
+    /// If false, a derivation skips the parameters of modules that are not rewritten any more.
     const NEEDS_PARAMS: bool = true;
 
-    /// Takes modules `range` of a block; `Break`: wants no more.
+    /// Receives modules `range` of a block; `Break` ends the derivation.
     fn modules(&mut self, block: &Block<'_>, range: Range<usize>) -> ControlFlow<()>;
 }
 
-/// Modules that one production made of one module.
+/// The modules that one application of a production made.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block<'a> {
     pub symbols: &'a [SymbolId],
-    /// Per module: end of its parameters in `params`.
+    /// Per module: end index of its parameters in `params`.
     ends: &'a [u32],
     params: &'a [f32],
     ids: &'a [LineageIds],
@@ -45,7 +45,7 @@ pub(super) struct Block<'a> {
     /// Lineage of the module that was rewritten; 0 where no lineage is needed.
     parent: u64,
     birth: u32,
-    /// Text of the modules, if none has parameters.
+    /// Text of the modules, if none of them has parameters.
     pub text: Option<&'a TemplateText>,
 }
 
@@ -66,7 +66,7 @@ impl<'a> Block<'a> {
         self.axiom_lineages.get(i).copied().unwrap_or_else(|| self.ids[i].lineage(self.parent))
     }
 
-    /// Module `i` of the block; its lineage is computed when it is asked for.
+    /// Module `i` of the block; its lineage is computed on demand.
     #[inline]
     pub fn module(&self, i: usize) -> Module<'a> {
         Module {
@@ -90,7 +90,8 @@ impl ModuleSink for ModuleString {
             return ControlFlow::Continue(());
         }
         let params = block.param_range(range.start).start..block.param_range(range.end - 1).end;
-        // `ends` are indices into all parameters of the block, of which only those of `range` are copied: the offset may wrap.
+        // `ends` are indices into all parameters of the block, but only those of `range` are copied, so that the offset may
+        // wrap.
         let first_param = saturating_index(self.param_count()).wrapping_sub(saturating_index(params.start));
         self.params_mut().extend_from_slice(&block.params[params]);
         let part =
@@ -109,30 +110,30 @@ pub(super) struct DepthFirstJob<'p> {
     pub length: u32,
     /// Limit on the modules of the final string.
     pub max_modules: u64,
-    /// Limit on the attempts to rewrite a module, over all steps.
+    /// Limit on the attempts to rewrite a module, summed over all steps.
     pub max_work: u64,
 }
 
-/// Factor of growth from one step to the next below which no step is predicted: the factor of slow growth changes too much.
+/// Growth factor between steps below which no step is predicted, because slow growth varies too much.
 const SMALLEST_FACTOR: f64 = 1.1;
-/// Relative difference of two factors of growth up to which they count as equal.
+/// Relative difference up to which two growth factors count as equal.
 const FACTOR_TOLERANCE: f64 = 0.01;
 
 /// A block whose active modules are being rewritten.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
-    /// Production that made the block; `None`: the axiom.
+    /// Production that made the block; `None` for the axiom.
     production: Option<u32>,
-    /// Start of its parameters in the pool.
+    /// Start of the block's parameters in the pool.
     params: usize,
     parent: u64,
-    /// Step in which it was made; 0 for the axiom.
+    /// Step in which the block was made; 0 for the axiom.
     birth: u32,
-    /// Number of active modules dealt with.
+    /// Number of active modules processed so far.
     next: u32,
-    /// Number of modules emitted or rewritten.
+    /// Number of modules emitted or rewritten so far.
     emitted: u32,
-    /// Start of its choices in the pool of choices.
+    /// Start of the block's choices in the pool of choices.
     choices: usize,
 }
 
@@ -142,33 +143,33 @@ impl Frame {
     }
 }
 
-/// Lineage and production of an active module, computed for all modules of a block at once, so that their chains of hashes
-/// overlap.
+/// Lineage and production of an active module. They are computed for all modules of a block together, so that the processor
+/// overlaps the hash chains.
 #[derive(Debug, Clone, Copy)]
 struct Choice {
     lineage: u64,
-    /// The production that was drawn, where productions compete under no condition.
+    /// The production that was drawn, if productions compete by weight without conditions; else `None`.
     production: Option<u32>,
 }
 
-/// Numbers of modules that a derivation makes: at its end, by step and by production.
+/// Numbers of modules that a derivation makes: in total, per step and per production.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DerivationCounts {
-    /// Number of modules of the final string so far.
+    /// Number of modules of the final string counted so far.
     pub modules: u64,
-    /// Last step in which a production was applied; 0: none.
+    /// Last step in which a production was applied; 0 if none was.
     pub last_change: u32,
-    /// Modules that each step adds, less those that it removes.
+    /// Per step: change of the number of modules.
     gains: Vec<i64>,
     /// Number of modules that each production has made, by its index in the plan.
     made: Vec<u64>,
-    /// Attempts to rewrite a module.
+    /// Number of attempts to rewrite a module.
     pub work: u64,
 }
 
 impl DerivationCounts {
-    /// The counts of `steps` steps from `axiom`, without a derivation; `None` for a plan whose modules are not all rewritten
-    /// alike. The modules that each production rewrites in a step follow from those of the step before (the growth matrix).
+    /// The counts of `steps` steps from `axiom`, computed without a derivation; `None` unless all modules of a kind are
+    /// rewritten by the same production. The counts of each step follow from those of the step before (the growth matrix).
     pub fn predicted(plan: &RewritePlan<'_>, axiom: &Template<'_>, steps: u32) -> Option<Self> {
         let mut productions = plan.productions.iter();
         if !plan.groups.iter().all(|g| g.always.is_some()) || !productions.all(|p| p.is_pure) {
@@ -196,13 +197,13 @@ impl DerivationCounts {
                 out.last_change = step;
                 out.made[i] = out.made[i].saturating_add(times.saturating_mul(made));
                 out.modules = out.modules.saturating_add(times.saturating_mul(made)).saturating_sub(times);
-                // Beyond 2^63 modules only "too many" matters: every limit is far below.
+                // Counts above 2^63 saturate, as every limit is far below.
                 let signed = |n: u64| i64::try_from(n).unwrap_or(i64::MAX);
                 let gain = &mut out.gains[to_usize(step - 1)];
                 *gain = gain.saturating_add(signed(times.saturating_mul(made)).saturating_sub(signed(times)));
                 add(&mut next, &p.template, times);
             }
-            // Nothing is left to rewrite.
+            // Stop once no module is left to rewrite.
             if out.last_change < step {
                 break;
             }
@@ -211,7 +212,7 @@ impl DerivationCounts {
         Some(out)
     }
 
-    /// Largest number of modules of any step, and that step. `axiom`: modules of the axiom.
+    /// Largest number of modules in any step, and that step. `axiom`: number of modules of the axiom.
     pub fn longest(&self, axiom: u64) -> (u64, u32) {
         let mut length = 0_i64.saturating_add_unsigned(axiom);
         let mut longest = (axiom, 0);
@@ -225,12 +226,12 @@ impl DerivationCounts {
         longest
     }
 
-    /// First step after `steps`, the counted ones, whose string has more than `limit` modules if each step multiplies it as the
-    /// last two counted steps did; `None` if their factors differ, or do not let it grow.
+    /// First step after the counted `steps` whose string would exceed `limit` modules if the growth factor of the last two
+    /// steps continued; `None` if their factors differ or are too small.
     pub fn step_beyond(&self, limit: u64, steps: u32) -> Option<u32> {
         let last = to_usize(steps).checked_sub(1)?;
         let gain = |step: usize| self.gains.get(step).copied().filter(|g| *g > 0).map(|g| g as f64);
-        // Gains grow by the same factor as lengths, and do not depend on the axiom.
+        // Compare the gains of steps, which grow by the same factor as the lengths, but do not include the axiom.
         let (a, b, c) = (gain(last.checked_sub(2)?)?, gain(last - 1)?, gain(last)?);
         let (before, factor) = (b / a, c / b);
         if factor < SMALLEST_FACTOR || (factor - before).abs() > FACTOR_TOLERANCE * factor {
@@ -245,13 +246,13 @@ impl DerivationCounts {
         Some(step)
     }
 
-    /// Index of the production that made most modules, the first one of equals; `None` without productions.
+    /// Index of the production that made most modules, the first of equal ones; `None` without productions.
     pub fn main_production(&self) -> Option<usize> {
         (0..self.made.len()).max_by_key(|i| (self.made[*i], std::cmp::Reverse(*i)))
     }
 }
 
-/// Derives each module to the last step before it continues to the next one, so that strings of single steps are never stored.
+/// Derives each module up to the last step before the next module, so that the strings of the steps are never stored.
 pub(super) struct DepthFirst<'p> {
     pub job: DepthFirstJob<'p>,
     pub axiom: Template<'p>,
@@ -259,16 +260,17 @@ pub(super) struct DepthFirst<'p> {
     pub rewriter: Rewriter<'p>,
     pub counts: DerivationCounts,
     stack: Vec<Frame>,
-    /// Parameters of the blocks on the stack.
+    /// Parameters of all blocks on the stack.
     pool: Vec<f32>,
-    /// Choices of the active modules of the blocks on the stack.
+    /// Choices for the active modules of all blocks on the stack.
     choices: Vec<Choice>,
-    /// Global variables after `StartEach` of each step; empty if no block changes them.
+    /// Per step: global variables after `StartEach`; empty if no block changes them.
     globals: Vec<Vec<f64>>,
 }
 
 impl<'p> DepthFirst<'p> {
-    /// A derivation of `program` from the axiom `modules`. `globals`: global variables in each step, if blocks change them.
+    /// Prepares the derivation of `program` from the axiom `modules`. `globals`: global variables in each step, if blocks
+    /// change them.
     pub fn new(
         job: DepthFirstJob<'p>,
         program: &'p Program,
@@ -277,7 +279,7 @@ impl<'p> DepthFirst<'p> {
         globals: Vec<Vec<f64>>,
     ) -> Self {
         let mut axiom = job.plan.template(program, &program.axiom, &mut RegisterCompiler::new(0));
-        // The axiom's parameters are values, whatever their expressions.
+        // The parameters of the axiom are evaluated already.
         axiom.computed.clear();
         axiom.constants.clear();
         modules.iter().for_each(|m| axiom.constants.extend_from_slice(m.params));
@@ -311,9 +313,9 @@ impl<'p> DepthFirst<'p> {
         self.job.plan
     }
 
-    /// Hands the modules of the final string to `sink`.
+    /// Passes the modules of the final string to `sink`.
     /// # Errors
-    /// `Modules` and `Work` beyond the job's limits, or where the sink wants no more; what statements cause.
+    /// `Modules` and `Work` beyond the job's limits; `Modules` also if the sink stops; and the halts of statements.
     pub fn run<S: ModuleSink>(&mut self, sink: &mut S) -> Result<(), Halt> {
         if S::NEEDS_LINEAGE || self.job.plan.draws {
             self.run_with::<S, true>(sink)
@@ -363,12 +365,12 @@ impl<'p> DepthFirst<'p> {
                 let group = &plan.groups[to_usize(active.group)];
                 let next = |production| Applied { production, step: frame.birth + 1, has_variables: false };
                 let applied = match (choice.and_then(|c| c.production), &group.tests) {
-                    // The production is known; its step is the next one.
+                    // The production was drawn already; it applies in the next step.
                     (Some(production), _) => {
                         counts.work += 1;
                         Some(next(production))
                     }
-                    // A production that does not apply in the next step never will: parameters do not change.
+                    // If no production applies in the next step, none ever will, since the parameters stay the same.
                     (None, Some(tests)) if group.is_stationary && frame.birth < self.job.length => {
                         counts.add_work(self.job.max_work)?;
                         let first = tests.iter().position(|t| t.is_none_or(|t| t.holds(module.params)));
@@ -377,7 +379,7 @@ impl<'p> DepthFirst<'p> {
                     _ => apply_next(rewriter, counts, &self.job, &self.globals, module, active.group)?,
                 };
                 let Some(Applied { production, step, has_variables }) = applied else { continue };
-                // Emit the modules before this one first, then the modules that are made of it.
+                // Emit the modules before this one first, then those of its successor.
                 if frame.emitted < active.index {
                     let params = &self.pool[frame.params..];
                     let block = Block::new(template, params, axiom_lineages, frame.parent, frame.birth);
@@ -389,8 +391,7 @@ impl<'p> DepthFirst<'p> {
                 let made = planned.template.symbols.len();
                 counts.count_production(production, step, made);
                 let is_final = step == self.job.length || planned.template.active.is_empty();
-                // For a sink that reads no parameters they are computed only where that may report a division by zero or run
-                // code.
+                // If the sink reads no parameters, they are computed only if that may report a division by zero or run code.
                 if is_final && !S::NEEDS_PARAMS && planned.is_pure {
                     counts.count_modules(made as u64, self.job.max_modules)?;
                     continue;
@@ -407,12 +408,12 @@ impl<'p> DepthFirst<'p> {
                     self.stack.push(Frame::new(Some(production), params, self.choices.len(), lineage, step));
                     continue 'frames;
                 }
-                // Nothing of it is rewritten any more: the block is emitted whole.
+                // No module of the successor is rewritten any more: emit the whole block.
                 let block = Block::new(&planned.template, &self.pool[params..], &[], lineage, step);
                 emit(counts, self.job.max_modules, sink, &block, 0..made)?;
                 self.pool.truncate(params);
             }
-            // All active modules are dealt with: emit the rest of the block.
+            // All active modules are processed: emit the rest of the block.
             let rest = to_usize(frame.emitted)..template.symbols.len();
             if !rest.is_empty() {
                 let block = Block::new(template, &self.pool[frame.params..], axiom_lineages, frame.parent, frame.birth);
@@ -432,14 +433,14 @@ impl DerivationCounts {
         if self.modules > max_modules { Err(Halt::Modules) } else { Ok(()) }
     }
 
-    /// Counts an attempt to rewrite a module.
+    /// Counts an attempt to rewrite a module against the limit.
     #[inline]
     fn add_work(&mut self, max_work: u64) -> Result<(), Halt> {
         self.work += 1;
         if self.work > max_work { Err(Halt::Work) } else { Ok(()) }
     }
 
-    /// Counts a production that made `made` modules of one in `step`.
+    /// Counts an application of a production in `step` that replaced one module by `made` modules.
     #[inline]
     pub fn count_production(&mut self, production: u32, step: u32, made: usize) {
         self.made[to_usize(production)] += made as u64;
@@ -451,11 +452,11 @@ impl DerivationCounts {
 struct Applied {
     production: u32,
     step: u32,
-    /// The rewriter holds its variables.
+    /// True if the rewriter has set the local variables of the production already.
     has_variables: bool,
 }
 
-/// Hands modules to the sink and counts them; [`Halt::Modules`] beyond the limit, or if the sink breaks.
+/// Passes modules to the sink and counts them; [`Halt::Modules`] beyond the limit, or if the sink stops.
 #[inline]
 fn emit<S: ModuleSink>(
     counts: &mut DerivationCounts,
@@ -468,7 +469,7 @@ fn emit<S: ModuleSink>(
     if sink.modules(block, range).is_break() { Err(Halt::Modules) } else { Ok(()) }
 }
 
-/// The first production that applies to a module in one of the steps after its birth; the rewriter holds its variables.
+/// The first production that applies to a module in any step after its birth; the rewriter then holds its local variables.
 #[inline(always)]
 fn apply_next(
     rewriter: &mut Rewriter<'_>,
@@ -478,7 +479,7 @@ fn apply_next(
     module: Module<'_>,
     group: u32,
 ) -> Result<Option<Applied>, Halt> {
-    // Productions without contexts look at no string.
+    // Productions without contexts read no string.
     const NO_STRING: ContextView<'static> = ContextView::NONE;
     let is_stationary = job.plan.groups[to_usize(group)].is_stationary;
     let first = module.birth + 1;

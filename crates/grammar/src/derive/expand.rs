@@ -19,18 +19,19 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::rng::word;
 
-/// Factor on the limit `modules` for modules that a homomorphism draws: they take time but no memory. Raising it lets
-/// `interpret` run longer before L051.
+/// Factor on the limit `modules` for the modules that a homomorphism draws, since they take time but no memory. A larger
+/// factor lets `interpret` run longer before L051.
 const MAX_DRAWN_PER_STORED: u64 = 10;
 
-/// Part of the limit `modules` that productions may be applied for a single module, so that an endless expansion ends before
-/// it fills the memory. Own: the 800,000 of the default take a fifth of a second, and 160 MB if each draws a segment.
+/// Divisor of the limit `modules` that gives the applications of productions allowed for a single module, so that an endless
+/// expansion ends before it fills the memory. Own: the 800,000 of the default take a fifth of a second, and 160 MB if each
+/// draws a segment.
 pub(super) const EXPANSION_SHARE: usize = 25;
 
-/// Bytes of the modules that wait for their expansion. Own: four million, where models have a few hundred.
+/// Limit on the modules that wait for their expansion, bytes. Own: four million modules; models have a few hundred.
 const MAX_STACK_BYTES: usize = 64 << 20;
 
-/// Stack of modules to expand, with the depth of each; the last one is next.
+/// Stack of the modules to expand, with the depth of each; the last one is expanded next.
 #[derive(Debug, Default)]
 struct ExpansionStack {
     modules: ModuleString,
@@ -38,7 +39,7 @@ struct ExpansionStack {
 }
 
 impl ExpansionStack {
-    /// Puts the modules of `successor` on top, the first one uppermost.
+    /// Pushes the modules of `successor` in reverse order, so that its first module is on top.
     fn push_reversed(&mut self, successor: &ModuleString, depth: u32) {
         for i in (0..successor.len()).rev() {
             self.modules.push(successor.get(i));
@@ -46,7 +47,7 @@ impl ExpansionStack {
         }
     }
 
-    /// The next modules of the successor whose modules have this depth, at most `count`.
+    /// At most `count` modules from the top of the stack that have this depth: the rest of the same successor.
     fn followers(&self, depth: u32, count: usize, context_from: usize) -> Followers {
         let same = self.depth.iter().rev().take(count).take_while(|d| **d == depth).count();
         let mut modules = ModuleString::default();
@@ -66,16 +67,16 @@ impl ExpansionStack {
     }
 }
 
-/// Expands modules one after the other; reuses its memory.
+/// Expands modules one after the other, reusing its buffers.
 pub(super) struct Expander<'p> {
     rewriter: Rewriter<'p>,
     stack: ExpansionStack,
     successor: ModuleString,
     current: ModuleString,
     applied: bool,
-    /// Number of modules of the longest predecessor of these productions.
+    /// Largest number of modules in a predecessor of these productions.
     longest: usize,
-    /// Upper limit on the modules on the stack; [`EXPANSION_SHARE`] divides it for applications of productions.
+    /// Limit on the modules on the stack; divided by [`EXPANSION_SHARE`], the limit on applications of productions.
     limit: usize,
 }
 
@@ -94,7 +95,7 @@ impl<'p> Expander<'p> {
         }
     }
 
-    /// Continues with the productions of another L-system.
+    /// Switches to the productions of another L-system.
     pub fn change_plan(&mut self, plan: &'p RewritePlan<'p>) {
         self.rewriter.change_plan(plan);
     }
@@ -107,7 +108,8 @@ impl<'p> Expander<'p> {
         self.applied
     }
 
-    /// Expands a successor that replaces the modules `replaced` of the string into `sink`; contexts are those of the string.
+    /// Expands a successor, which replaces the modules `replaced` of the string, into `sink`; contexts are matched in the
+    /// string.
     pub fn expand_successor(
         &mut self,
         successor: &ModuleString,
@@ -118,15 +120,16 @@ impl<'p> Expander<'p> {
         if self.rewriter.settings.plan.set.depth == 0 {
             return if successor.iter().all(sink) { Ok(()) } else { Err(Halt::Modules) };
         }
-        // Depth 1 instead of 0: the modules that follow one of them are found in the successor, not in the string.
+        // Begin with depth 1 instead of 0, so that predecessors of several modules are matched within the successor, not the
+        // string.
         self.stack.clear();
         self.stack.push_reversed(successor, 1);
         self.expand_stack(view, replaced, 1, sink)?;
         Ok(())
     }
 
-    /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false. Returns the
-    /// number of modules of the string that it took: a predecessor of several modules takes all of them.
+    /// Expands the module at `at` into `sink`, at most `maximum depth` times; stops when `sink` returns false. Returns the
+    /// number of modules of the string that were replaced, which is that of the predecessor.
     fn expand(
         &mut self,
         view: &ContextView<'_>,
@@ -136,7 +139,7 @@ impl<'p> Expander<'p> {
         self.expand_module(view.modules.get(at), view, at, sink)
     }
 
-    /// As [`Expander::expand`], for a module whose contexts are those of place `at` of the string.
+    /// Like [`Expander::expand`], for a module whose contexts are those of position `at` of the string.
     fn expand_module(
         &mut self,
         module: Module<'_>,
@@ -146,7 +149,7 @@ impl<'p> Expander<'p> {
     ) -> std::result::Result<usize, Halt> {
         let plan = self.rewriter.settings.plan;
         let rules = plan.set;
-        // Modules without productions, and all modules where the maximum depth is 0, pass unchanged.
+        // Pass modules without productions unchanged, and all modules if the maximum depth is 0.
         if rules.depth == 0 || !plan.has_productions(module.symbol) {
             return if sink(module) { Ok(1) } else { Err(Halt::Modules) };
         }
@@ -156,7 +159,7 @@ impl<'p> Expander<'p> {
         self.expand_stack(view, at..at + 1, 0, sink)
     }
 
-    /// Expands what is on the stack, modules that stand for `replaced` in the string. `base`: depth that they begin with.
+    /// Expands the stack, whose modules stand for the range `replaced` of the string. `base`: their initial depth.
     fn expand_stack(
         &mut self,
         view: &ContextView<'_>,
@@ -182,7 +185,7 @@ impl<'p> Expander<'p> {
             let module = self.current.get(0);
             let applicable =
                 if plan.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
-            // A module that no production applies to, or that has reached the maximum depth, is final.
+            // A module is final if no production applies to it or if it has reached the maximum depth.
             let Some(p) = applicable.filter(|_| depth < max_depth) else {
                 if let Some(p) = applicable.filter(|_| rules.warn_depth) {
                     let place = self.rewriter.planned(p).source.place;
@@ -194,7 +197,8 @@ impl<'p> Expander<'p> {
                 return Err(Halt::Modules);
             };
             let source = self.rewriter.planned(p).source;
-            // A predecessor of several modules takes those after the first from the string or from the same successor.
+            // A predecessor of several modules also consumes modules after the first, from the string or from the same
+            // successor.
             if depth == 0 {
                 taken = source.predecessor.len();
             } else {
@@ -216,7 +220,7 @@ impl<'p> Expander<'p> {
             if self.stack.modules.bytes() > MAX_STACK_BYTES {
                 return Err(Halt::Expansion(source.place));
             }
-            // Expansions that vanish produce nothing for the sink to count.
+            // An expansion that ends in nothing never reaches the sink, so that applications are counted as statements.
             self.rewriter.vm.statements += 1;
             if self.rewriter.vm.statements > self.rewriter.vm.statement_limit {
                 return Err(Halt::Statements(source.place));
@@ -265,12 +269,12 @@ impl Derivation<'_> {
                 expander.rewriter.change_plan(plans.of(*system));
                 view = view.of_system(&hidden, *system);
             }
-            // A predecessor of several modules takes all of them at once.
+            // A predecessor of several modules replaces all of them at once.
             let taken = expander.expand(&view, i, &mut |m| {
                 out.push(m);
                 budget.check(out).is_ok()
             });
-            // The budget knows which limit ended the expansion.
+            // If the sink stopped the expansion, the budget gives the limit that was exceeded.
             i += taken.map_err(|halt| budget.check(out).err().unwrap_or(halt))?;
             budget.check(out)?;
         }
@@ -281,13 +285,13 @@ impl Derivation<'_> {
     }
 }
 
-/// The branches of the final string that an interpretation leaves out. In a model of L-Py with productions of interpretation these are
-/// the parts after a `%`; cpfg removes them only when the next step begins, and draws them until then.
+/// Skips the parts of the final string that an interpretation does not draw. With L-Py these are the parts of branches after
+/// a `%`; cpfg removes them only at the beginning of the next step, and draws them until then.
 struct CutBranches {
-    /// `%` of L-Py; `None` where nothing is left out.
+    /// Number of the symbol `%` in a grammar of L-Py; `None` if nothing is skipped.
     cut: Option<SymbolId>,
     brackets: Brackets,
-    /// Number of branches that are open after the `%` in force.
+    /// Nesting of brackets since the `%` whose branch is being skipped; `None` outside such a branch.
     open: Option<u32>,
 }
 
@@ -297,7 +301,7 @@ impl CutBranches {
         Self { cut: program.symbols.find('%').filter(|_| is_lpy), brackets, open: None }
     }
 
-    /// Whether the next symbol of the string is left out. The bracket that closes the branch is not.
+    /// True if the next symbol of the string is skipped. The bracket that closes the branch is not.
     fn hides(&mut self, symbol: SymbolId) -> bool {
         match self.open {
             None if self.cut == Some(symbol) => self.open = Some(0),
@@ -314,16 +318,16 @@ impl CutBranches {
     }
 }
 
-/// What an interpretation leaves beside the modules that it hands over.
+/// Results of an interpretation besides the modules that it passes on.
 #[derive(Debug, Clone, Default)]
 pub struct Interpretation {
     /// Warnings of the homomorphism.
     pub warnings: Vec<Diagnostic>,
-    /// What `printf` in productions of the homomorphism wrote.
+    /// Output of `printf` in productions of the homomorphism.
     pub output: String,
 }
 
-/// Hands every module of the final string to `sink`, expanded by the homomorphism.
+/// Passes every module of the final string to `sink`, expanded by the homomorphism.
 /// # Errors
 /// `Input` with L044 or L051 like [`super::derive`].
 pub fn interpret(
@@ -335,7 +339,7 @@ pub fn interpret(
     interpret_modules(grammar, derived, limits, |m, _| sink(m))
 }
 
-/// As [`interpret`]; `sink` also gets the index of the module of the string that stands for what is drawn.
+/// Like [`interpret`]; `sink` also receives the index of the module in the derived string that each drawn module comes from.
 /// # Errors
 /// As [`interpret`].
 pub fn interpret_modules(
@@ -346,8 +350,8 @@ pub fn interpret_modules(
 ) -> Result<Interpretation> {
     let program = &grammar.program;
     let rules = &program.homomorphism;
-    // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
-    // cpfg takes the first one that applies.
+    // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar, except with
+    // cpfg's random numbers: cpfg takes the first production that applies.
     let competes = derived.cpfg.is_none() && (derived.stochastic || rules.seed.is_some());
     let plans = SectionPlans::new(program, Section::Homomorphism, competes);
     let mut index = 0;
@@ -359,7 +363,7 @@ pub fn interpret_modules(
         })?;
         return Ok(Interpretation::default());
     }
-    // The machine continues where the derivation ended: same seeds, last step, final values of the global variables.
+    // The machine continues from the end of the derivation: same seeds, last step, final values of the global variables.
     let brackets = brackets(program);
     let file_seed = rules.seed.unwrap_or(derived.file_seed);
     let streams = RandomStreams::new(derived.seed, derived.plant_id, file_seed);
@@ -380,8 +384,8 @@ pub fn interpret_modules(
         brackets,
     };
     let mut expander = Expander::new(settings, &plans, vm, convert::limit(limits.get("modules")));
-    // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
-    // hold. The callback ends the expansion when the budget is used up.
+    // Interpreted modules are passed on one by one and not stored, so that more of them are allowed than in a string. The
+    // callback ends the expansion when this limit is reached.
     let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
     let mut draw = |m: Module<'_>, i: usize| {
@@ -412,7 +416,7 @@ pub fn interpret_modules(
         halt.map_or(Ok(()), |h| Err(halted(h)))?;
         return Ok(interpretation(grammar, expander));
     }
-    // Neighbours are those of the derived string, which must be stored for them.
+    // Contexts are matched in the derived string, which must be stored for that.
     let string = derived.string(grammar, limits)?;
     let partner = if plans.needs_partners() { matching::matching_brackets(&string, brackets) } else { Vec::new() };
     let hidden = program.hidden_symbols();
@@ -440,7 +444,7 @@ pub fn interpret_modules(
     Ok(interpretation(grammar, expander))
 }
 
-/// What the machine of the homomorphism gathered.
+/// Collects the warnings and the output of the machine that ran the homomorphism.
 fn interpretation(grammar: &Grammar, expander: Expander<'_>) -> Interpretation {
     let vm = expander.rewriter.vm;
     Interpretation { warnings: runtime_diagnostics(grammar, &vm.warnings), output: vm.output }

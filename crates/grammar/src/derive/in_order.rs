@@ -1,5 +1,5 @@
-//! A step in the order of the program cpfg: module by module, each rewritten and decomposed before the next one, so that
-//! random numbers that are drawn one after the other go to the same places.
+//! A step in the order of the program cpfg: each module is rewritten and decomposed before the next one, so that random
+//! numbers drawn one after the other are used in the same places as in cpfg.
 
 use super::Derivation;
 use super::expand::Expander;
@@ -10,9 +10,9 @@ use crate::modules::ModuleString;
 use crate::vm::{DrawPurpose, Halt};
 
 impl Derivation<'_> {
-    /// Rewrites the string in the order of cpfg; true if any production was applied.
+    /// Rewrites the string in cpfg's order; true if any production was applied.
     pub(super) fn rewrite_in_order(&mut self, step: u32) -> Result<bool, Halt> {
-        // Contexts need the partners of brackets.
+        // Context matching needs the partners of brackets.
         let decomposition = &self.plans.decomposition;
         let looks_around = self.plans.rules.needs_partners() || decomposition.needs_partners();
         let partner = if looks_around { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
@@ -42,19 +42,19 @@ impl Derivation<'_> {
         out.clear();
         let (mut changed, mut i) = (false, 0);
         while i < view.modules.len() {
-            // Modules of another L-system of the file have its productions and its ignored symbols.
+            // Modules of another L-system of the file use its productions and its ignored symbols.
             if let Some(system) = systems.get(i) {
                 rewriter.change_plan(self.plans.rules.of(*system));
                 expander.change_plan(decomposition.of(*system));
                 view = view.of_system(&hidden, *system);
             }
             let module = view.modules.get(i);
-            // Contexts of the new string read what is made so far.
+            // Contexts of the new string read the part made so far.
             let reads_made = rewriter.settings.plan.reads_made;
             if reads_made {
                 rewriter.made.lend(out, rewriter.settings.brackets);
             }
-            // Every module takes a number, whether a production may apply to it or not.
+            // Every module draws a number, even if no production can apply to it.
             let selected = if rewriter.settings.plan.stochastic {
                 rewriter.select_by_number(module, &view, i)
             } else {
@@ -63,7 +63,7 @@ impl Derivation<'_> {
             if reads_made {
                 rewriter.made.give_back(out);
             }
-            // Make the successor; a module to which no production applies is its own.
+            // Make the successor; a module to which no production applies stays as it is.
             successor.clear();
             let mut taken = 1;
             match selected? {
@@ -78,7 +78,7 @@ impl Derivation<'_> {
             if decomposition.is_empty() {
                 out.extend(&successor, 0..successor.len());
             } else {
-                // Both parts run on one machine, whose random numbers and variables continue.
+                // Both use the same machine in turn, so that its random numbers and variables continue.
                 std::mem::swap(&mut rewriter.vm, expander.vm());
                 expander.expand_successor(&successor, &view, i..i + taken, &mut |m| {
                     out.push(m);

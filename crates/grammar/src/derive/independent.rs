@@ -1,5 +1,5 @@
-//! Derivations of L-systems whose modules are rewritten independently of each other: they are counted before they are stored or
-//! drawn, and need no string.
+//! Derivation of L-systems whose modules are rewritten independently of each other: their modules can be counted before they
+//! are stored or drawn, without storing a string.
 
 use std::borrow::Cow;
 use std::ops::{ControlFlow, Range};
@@ -18,29 +18,29 @@ use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::{Limits, grouped};
 
-/// Modules up to which a string is stored without counting them first; counting a string of this length takes milliseconds.
+/// Length up to which a string is stored without counting its modules first; counting this many takes milliseconds.
 const COUNTED_FROM: u128 = 1 << 20;
-/// Factor on the limit of modules from which the upper bound of a prediction is an explosion. Own: conditions of models that stop
-/// growing leave bounds far beyond it too, whose short derivations cost little.
+/// Factor on the limit of modules: a predicted upper bound above it counts as an explosion. Own: models whose conditions end
+/// the growth also have bounds far above it, but their short derivations cost little.
 const EXPLOSION: u128 = 50;
-/// Factor on the expected length of a text: random growth exceeds it by a few percent.
+/// Factor on the expected length of a text, as random growth exceeds it by a few percent.
 const TEXT_MARGIN: f64 = 1.1;
-/// Values of global variables over all steps that are kept, if blocks change them from step to step.
+/// Limit on the stored values of global variables, over all steps, if blocks change them from step to step.
 const MAX_STEP_VALUES: usize = 1 << 22;
 
-/// Start of a derivation that is run again for each use of its modules instead of being stored.
+/// Data to run a derivation again for each use of its modules instead of storing them.
 #[derive(Debug, Clone)]
 pub(super) struct Deferred {
     axiom: ModuleString,
-    /// Global variables after the `Start` block; `step_globals` has those after the `StartEach` of each step, if blocks change
-    /// them.
+    /// Global variables after the `Start` block; `step_globals` holds those after the `StartEach` block of each step, if
+    /// blocks change them.
     start_globals: Vec<f64>,
     step_globals: Vec<Vec<f64>>,
     /// Last step: the derivation length, or the step of a `stop(n)`.
     last_step: u32,
 }
 
-/// Accepts modules and stores nothing, for passes that only count them.
+/// Sink that discards all modules, for passes that only count them.
 struct CountingSink;
 
 impl ModuleSink for CountingSink {
@@ -53,7 +53,7 @@ impl ModuleSink for CountingSink {
     }
 }
 
-/// Hands modules over one by one.
+/// Sink that passes modules to a function one by one.
 struct CallingSink<F>(F);
 
 impl<F: FnMut(Module<'_>) -> ControlFlow<()>> ModuleSink for CallingSink<F> {
@@ -66,7 +66,7 @@ impl<F: FnMut(Module<'_>) -> ControlFlow<()>> ModuleSink for CallingSink<F> {
 }
 
 impl Deferred {
-    /// The derivation from its beginning. `streams`: of its random draws.
+    /// Prepares the derivation from its beginning. `streams`: its random streams.
     fn restart<'p>(
         &self,
         grammar: &'p Grammar,
@@ -88,7 +88,7 @@ impl Deferred {
     }
 }
 
-/// How far a derivation may go.
+/// Limits of a derivation.
 #[derive(Debug, Clone, Copy)]
 struct DerivationBounds {
     /// Derivation length, which grammars read as `Z`.
@@ -112,18 +112,18 @@ impl DerivationBounds {
 }
 
 impl Derivation<'_> {
-    /// Derives depth first; what the blocks do does not depend on the string, so that they run first.
+    /// Derives depth first. The blocks do not depend on the string, so that they run before it.
     pub(super) fn derive_independently(mut self, options: &DeriveOptions, storage: Storage) -> Result<DerivedString> {
         let deferred = match self.run_blocks() {
             Ok(Some(deferred)) => deferred,
-            // Too many values to keep them for all steps: every step computes those that it needs.
+            // The values are too many to store for all steps: derive step by step, where each step computes its own.
             Ok(None) => return self.restarted(options).derive_by_steps(options, None),
             Err(halt) => return Err(self.halt_report(halt)),
         };
         let bounds = DerivationBounds::new(self.length, deferred.last_step, self.limits);
         let streams = self.vm.streams;
         let plan = self.plans.rules.main();
-        // Where conditions decide whether the string explodes, short derivations tell it in less time than the whole one.
+        // If conditions decide whether the string explodes, short derivations find that faster than the whole one.
         let upper = predict(self.grammar, deferred.last_step, plan.stochastic).upper;
         if upper > EXPLOSION * u128::from(bounds.max_modules)
             && let Some((step, counts)) = self.first_step_beyond(&deferred, streams, bounds)
@@ -137,7 +137,7 @@ impl Derivation<'_> {
             Storage::Deferred => count(&mut run, bounds),
             Storage::Text => self.write_text(&mut run, bounds).map(|t| text = Some(t)),
             Storage::String => {
-                // Count before a long string is stored: if it passes a limit, it is refused without its memory.
+                // Count before storing a long string, so that one beyond a limit is refused without using its memory.
                 let counted = if upper > COUNTED_FROM { count(&mut run, bounds) } else { Ok(()) };
                 counted.and_then(|()| {
                     run = deferred.restart(self.grammar, plan, streams, bounds);
@@ -157,7 +157,7 @@ impl Derivation<'_> {
         }
         self.vm.warnings.merge(run.rewriter.vm.warnings);
         self.vm.statements += run.rewriter.vm.statements;
-        // Where nothing changes in the last steps, the first of them is the last that counts.
+        // If the last steps change nothing, only the first of them is counted as done.
         let last = deferred.last_step;
         self.unchanged_since = (counts.last_change < last).then_some(counts.last_change + 1);
         self.steps_done = self.unchanged_since.filter(|_| self.nothing_can_change()).unwrap_or(last);
@@ -174,12 +174,12 @@ impl Derivation<'_> {
     fn write_text(&self, run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Result<String, Halt> {
         let plan = self.plans.rules.main();
         if repeats(plan, &run.axiom, bounds.last_step) {
-            // Equal parts are copied, not derived, so that a separate pass counts the modules.
+            // Repeated parts are copied, not derived, so that a separate pass must count the modules.
             count(run, bounds)?;
             let text = repeated_text(plan, &run.axiom, bounds.last_step, run.counts.modules);
             return Ok(text.unwrap_or_default());
         }
-        // Memory of the expected length avoids copies of a growing text; if it is too long, only address space is wasted.
+        // Reserving memory of the expected length avoids copying a growing text; an excess only costs address space.
         let expected = predict(self.grammar, bounds.last_step, plan.stochastic).expected.min(bounds.max_modules as f64);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the limit of modules")]
         let expected = (expected * TEXT_MARGIN).max(0.0) as u64;
@@ -191,8 +191,8 @@ impl Derivation<'_> {
         Ok(sink.text)
     }
 
-    /// Runs the blocks of all steps; `None` if they make too many values to keep. Afterwards global variables have their final
-    /// values.
+    /// Runs the blocks of all steps; `None` if their values are too many to store. Afterwards the global variables have
+    /// their final values.
     fn run_blocks(&mut self) -> std::result::Result<Option<Deferred>, Halt> {
         self.begin()?;
         let axiom = std::mem::take(&mut self.string);
@@ -205,7 +205,7 @@ impl Derivation<'_> {
                 return Ok(None);
             }
             for step in 1..=self.length {
-                // The block before a step still sees the number of the step before.
+                // The block before a step reads the number of the step before.
                 self.vm.step = step - 1;
                 self.run_block(blocks.start_each.as_ref(), step)?;
                 self.vm.step = step;
@@ -221,13 +221,13 @@ impl Derivation<'_> {
         Ok(Some(Deferred { axiom, start_globals, step_globals, last_step }))
     }
 
-    /// The same derivation, set back to before its first block.
+    /// A new derivation with the same input, as before its first block.
     fn restarted(&self, options: &DeriveOptions) -> Self {
         Self::new(self.grammar, self.plans, options, self.length, self.limits)
     }
 
-    /// The error of a halted derivation. For [`Halt::Modules`] it counts shorter derivations to find the first step beyond the
-    /// limit.
+    /// Makes the error of a halted derivation. For [`Halt::Modules`] it searches the first step beyond the limit with
+    /// shorter derivations.
     fn independent_report(
         &self,
         halt: Halt,
@@ -244,21 +244,22 @@ impl Derivation<'_> {
         }
     }
 
-    /// The first step whose string passes the limit of modules, if it comes before the last step, else the last step; with the
-    /// counts of a derivation of about that length. `None` if one of these derivations halts for another reason.
+    /// The first step whose string exceeds the limit of modules, or the last step if no earlier one does, and the counts of
+    /// a derivation of about that length. `None` if one of these derivations halts for another reason.
     fn first_step_beyond(
         &self,
         deferred: &Deferred,
         streams: RandomStreams,
         bounds: DerivationBounds,
     ) -> Option<(u32, DerivationCounts)> {
-        // Depth first, a derivation that grows too long is halted somewhere in its last step. The first step that passes the
-        // limit is found by counting shorter derivations.
+        // A depth-first derivation that grows too long halts somewhere in its last step. Search the first step beyond the
+        // limit by counting shorter derivations.
         let mut fits = 0;
         let mut passes = bounds.last_step;
         let mut counts = DerivationCounts::default();
         while passes > fits + 1 {
-            // Doubles the steps, but stays within the steps that the growth so far predicts to fit or to pass.
+            // Double the number of steps, but limit it to the step predicted from the growth so far, and to the open
+            // interval.
             let expected = counts.step_beyond(bounds.max_modules, fits);
             let last_step = (fits * 2).max(1).min(expected.unwrap_or(u32::MAX)).clamp(fits + 1, passes - 1);
             let probe = DerivationBounds { last_step, ..bounds };
@@ -273,7 +274,7 @@ impl Derivation<'_> {
         Some((passes, counts))
     }
 
-    /// L051 for a string that passes the limit in `step`.
+    /// L051 for a string that exceeds the limit in `step`.
     fn too_long(&self, counts: &DerivationCounts, step: u32) -> osier_base::Error {
         let main = counts.main_production().and_then(|i| self.program.rules.list.get(i));
         let Some(p) = main else {
@@ -290,7 +291,7 @@ impl Derivation<'_> {
     }
 }
 
-/// Counts the modules of a derivation that has not run: from the growth matrix where that is exact, else by running it.
+/// Counts the modules of a derivation: from the growth matrix if that is exact, else by running it.
 fn count(run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Result<(), Halt> {
     let Some(counts) = DerivationCounts::predicted(run.plan(), &run.axiom, bounds.last_step) else {
         return run.run(&mut CountingSink);
@@ -300,13 +301,13 @@ fn count(run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Res
 }
 
 impl DerivedString {
-    /// Number of modules of the final string, also where only its text or nothing of it is stored.
+    /// Number of modules of the final string, even if the string is not stored.
     pub fn module_count(&self) -> u64 {
         self.count
     }
 
-    /// Hands the modules of the final string to `sink`, in order, until it breaks. The string of a deferred derivation is derived
-    /// for this.
+    /// Passes the modules of the final string to `sink`, in order, until it breaks. A deferred derivation runs again for
+    /// this.
     /// # Errors
     /// `Input` with L051 beyond a limit.
     pub(crate) fn for_each(
@@ -326,7 +327,7 @@ impl DerivedString {
             flow
         };
         let result = self.run_again(grammar, deferred, limits, &mut CallingSink(stopping));
-        // A sink that asks for no more modules has what it needs: the halt is no error.
+        // If the sink stopped, it has what it needs: the halt is not an error.
         if is_stopped { Ok(()) } else { result }
     }
 

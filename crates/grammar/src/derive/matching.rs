@@ -1,25 +1,25 @@
-//! Contexts: what stands to the left and right of a module in a bracketed string.
+//! Matches contexts: the modules to the left and right of a module in a bracketed string.
 
 use crate::modules::{Module, ModuleString};
 use crate::program::{Borders, ContextElement, FormalModule};
 use crate::symbols::SymbolId;
 
-/// Stands for "no matching bracket" in a table of indices.
+/// Value for "no matching bracket" in a table of indices.
 const NO_PARTNER: u32 = u32::MAX;
 
-/// A module string with its bracket partners, ignored symbols and borders: all that context matching reads.
+/// Everything that context matching reads: a module string with its bracket partners, ignored symbols and borders.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ContextView<'a> {
     pub modules: &'a ModuleString,
-    /// Partner of each bracket; empty if no production asks for contexts.
+    /// Partner of each bracket; empty if no production has contexts.
     pub partner: &'a [u32],
     /// Per symbol: true if contexts ignore it.
     pub ignored: &'a [bool],
-    /// The string's ends are joined.
+    /// True if the ends of the string are joined.
     pub is_ring: bool,
-    /// `modules` and `partner` hold the string from its end to its beginning; positions count from the beginning.
+    /// True if `modules` and `partner` hold the string in reverse order; positions count from its beginning.
     pub is_reversed: bool,
-    /// Borders of sub-L-systems, which end a context.
+    /// Border symbols of sub-L-systems, at which context matching ends.
     pub borders: Option<Borders>,
 }
 
@@ -30,7 +30,7 @@ pub(super) struct Brackets {
     pub close: SymbolId,
 }
 
-/// The string that a step makes, as far as it is made, with the partners of its brackets.
+/// The part of the new string that a step has made so far, with the partners of its brackets.
 #[derive(Debug, Default)]
 pub(super) struct MadeString {
     modules: ModuleString,
@@ -39,10 +39,10 @@ pub(super) struct MadeString {
 }
 
 impl MadeString {
-    /// Takes the string until it is given back, and finds the partners of the brackets that are new in it.
+    /// Takes over the string until it is given back, and matches the brackets that were added since the last call.
     pub fn lend(&mut self, modules: &mut ModuleString, brackets: Brackets) {
         std::mem::swap(&mut self.modules, modules);
-        // A shorter string is that of another step.
+        // A shorter string belongs to another step.
         if self.modules.len() < self.partner.len() {
             self.partner.clear();
             self.open.clear();
@@ -64,7 +64,7 @@ impl MadeString {
         std::mem::swap(&mut self.modules, modules);
     }
 
-    /// True if what is made ends with this left context.
+    /// True if the new string so far ends with this left context.
     pub fn ends_with(
         &self,
         view: &ContextView<'_>,
@@ -76,7 +76,7 @@ impl MadeString {
         made.matches_left(brackets, context, self.modules.len(), locals)
     }
 
-    /// True if what is made, from the end of the string on, begins with this right context.
+    /// True if the new string so far, made in reverse, begins with this right context.
     pub fn begins_with(
         &self,
         view: &ContextView<'_>,
@@ -88,13 +88,13 @@ impl MadeString {
         made.matches_right(brackets, context, 0, locals)
     }
 
-    /// The new string, with the ignored symbols and borders of `view`. Its ends are not joined.
+    /// The new string as a view with the ignored symbols and borders of `view`. Its ends are not joined.
     fn seen_from<'a>(&'a self, view: &ContextView<'a>) -> ContextView<'a> {
         ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, ..*view }
     }
 }
 
-/// Partner of every bracket; `NO_PARTNER` for all else and for brackets without one.
+/// Partner of every bracket; `NO_PARTNER` for other symbols and for unmatched brackets.
 pub(super) fn matching_brackets(modules: &ModuleString, brackets: Brackets) -> Vec<u32> {
     let mut partner = vec![NO_PARTNER; modules.len()];
     let mut stack: Vec<u32> = Vec::new();
@@ -132,7 +132,7 @@ pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &m
 }
 
 impl<'a> ContextView<'a> {
-    /// The string as contexts of an L-system see it. `hidden`: the symbols that those of each L-system skip.
+    /// The view of an L-system. `hidden`: per L-system, the symbols that its contexts skip.
     pub fn of_system(self, hidden: &'a [Vec<bool>], system: u16) -> Self {
         let ignored = hidden.get(usize::from(system)).map_or(self.ignored, Vec::as_slice);
         Self { ignored, ..self }
@@ -140,7 +140,7 @@ impl<'a> ContextView<'a> {
 }
 
 impl ContextView<'_> {
-    /// No string: for productions that look at no neighbour.
+    /// A view of no string, for productions without contexts.
     pub const NONE: ContextView<'static> = ContextView {
         modules: &ModuleString::EMPTY,
         partner: &[],
@@ -150,13 +150,12 @@ impl ContextView<'_> {
         borders: None,
     };
 
-    /// Number of modules up to which positions may count: with joined ends once around the ring, back to where the search
-    /// began.
+    /// Upper limit of positions: the length of the string; in a ring, once around back to `from`.
     fn end(&self, from: usize) -> usize {
         if self.is_ring { from + self.modules.len() } else { self.modules.len() }
     }
 
-    /// Index of a position, which counts on after the end of a ring.
+    /// Index of a position; in a ring positions continue after the end of the string.
     #[inline]
     fn index(&self, position: usize) -> usize {
         if self.is_reversed {
@@ -170,7 +169,7 @@ impl ContextView<'_> {
         self.modules.symbols().get(self.index(position)).copied()
     }
 
-    /// Position of the bracket that belongs to the one at `position`; `None` without one.
+    /// Position of the partner of the bracket at `position`; `None` if it has none.
     fn partner(&self, position: usize) -> Option<usize> {
         let i = self.index(position);
         let partner = self.partner.get(i).filter(|p| **p != NO_PARTNER)?;
@@ -184,18 +183,19 @@ impl ContextView<'_> {
         self.ignored.get(usize::from(symbol)).copied().unwrap_or(false)
     }
 
-    /// Whether the module at a position begins or ends a sub-L-system. A query such as `?P(x,y,z)` begins with the symbol that
-    /// opens one, but there it has no parameter.
+    /// True if the module at a position begins or ends a sub-L-system. A query such as `?P(x,y,z)` begins with the same
+    /// symbol, but its `?` has no parameter.
     fn is_border(&self, position: usize) -> bool {
         let module = self.modules.get(self.index(position));
         let opens = |b: &Borders| module.symbol == b.open && !module.params.is_empty();
         self.borders.is_some_and(|b| opens(&b) || module.symbol == b.close)
     }
 
-    /// True if the left context precedes module `at`. The search passes over closed branches; from within a branch it continues
-    /// on the axis that carries the branch.
+    /// True if the left context precedes module `at`. The search skips closed branches; from within a branch it continues on
+    /// the axis that carries the branch.
     pub fn matches_left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
-        // Positions of a ring count down from a second turn, so that they stay positive up to module `at` again.
+        // In a ring positions start in a second turn and count down, so that they stay positive until module `at` is reached
+        // again.
         let (mut i, least) = if self.is_ring { (at + self.modules.len(), at) } else { (at, 0) };
         // The context is matched from its last module, the neighbour, outwards.
         let mut wanted = context.iter().rev();
@@ -205,7 +205,7 @@ impl ContextView<'_> {
             let Some(k) = i.checked_sub(1).filter(|k| *k >= least) else { return false };
             i = k;
             let Some(symbol) = self.symbol(i) else { return false };
-            // A closed branch is a sibling: jump to its opening bracket. An unmatched bracket ends the search.
+            // A closed branch is lateral: jump to its opening bracket. An unmatched bracket ends the search.
             if symbol == brackets.close {
                 match self.partner(i) {
                     Some(open) => i = open,
@@ -223,7 +223,7 @@ impl ContextView<'_> {
         true
     }
 
-    /// Is the right context there, beginning with module `at`?
+    /// True if the right context follows, beginning with module `at`.
     pub fn matches_right(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
         let end = self.end(at);
@@ -248,7 +248,7 @@ impl ContextView<'_> {
         (from..end).find(|&i| self.symbol(i).is_some_and(|s| !self.is_ignored(s)))
     }
 
-    /// Position of the next module on this axis, if it matches `formal`; branches in between are jumped over.
+    /// Position of the next module on this axis, if it matches `formal`; branches in between are skipped.
     fn next_on_axis(
         &self,
         brackets: Brackets,
@@ -264,7 +264,7 @@ impl ContextView<'_> {
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;
             } else if symbol == brackets.close || self.is_border(i) {
-                // The axis ends here without the module.
+                // The axis ends before the module is found.
                 return None;
             } else {
                 return match_module(formal, self.modules.get(self.index(i)), locals).then_some(i);
@@ -272,7 +272,8 @@ impl ContextView<'_> {
         }
     }
 
-    /// The closing bracket of the branch; what is left before it must be branches, or anything if `rest`.
+    /// Position of the bracket that closes the branch. Before it only further branches may follow, or any modules if `rest`
+    /// is true.
     fn end_of_branch(&self, brackets: Brackets, from: usize, end: usize, rest: bool) -> Option<usize> {
         let mut i = from;
         loop {
@@ -280,7 +281,7 @@ impl ContextView<'_> {
             if i >= end {
                 return None;
             }
-            // Branches that begin before the end are skipped as a whole.
+            // Skip each further branch as a whole.
             let symbol = self.symbol(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;

@@ -4,6 +4,7 @@ mod depth_first;
 mod expand;
 mod in_order;
 mod independent;
+mod last_step;
 mod matching;
 mod plan;
 mod predict;
@@ -15,6 +16,7 @@ mod text;
 mod weighted_text;
 
 pub use expand::{Interpretation, interpret, interpret_modules};
+pub use last_step::{LastStep, Origin, derive_part};
 pub use predict::{Prediction, predict};
 pub use queries::{AskTurtle, QueryAnswer, QueryValue, TurtleAnswers, derive_with_queries};
 
@@ -34,53 +36,56 @@ use osier_base::math::narrow;
 use osier_base::rng::{child, mix64};
 use plan::Plans;
 
-/// Seed and plant of a derivation, and replacements for the grammar's derivation length and choice of productions.
+/// Options of a derivation: seed, plant, and overrides of the grammar's derivation length and choice of productions.
 #[derive(Debug, Clone, Default)]
 pub struct DeriveOptions {
-    /// Seed of every random draw of the derivation and of its drawing.
+    /// Seed of all random draws of the derivation and of its interpretation.
     pub seed: u64,
-    /// Names the plant in lineages; holds no seed.
+    /// Number of the plant, which lineages are derived from; not a seed.
     pub plant_id: u32,
-    /// Derivation length instead of the grammar's.
+    /// Derivation length; `None` for that of the grammar.
     pub steps: Option<u32>,
-    /// Whether productions compete by weight; `None`: if the grammar has a `Seed:`.
+    /// Whether productions compete by weight; `None` if the grammar decides it by a `Seed:`.
     pub stochastic: Option<bool>,
-    /// Draws random numbers as the program cpfg does, one after the other, so that its strings come out. `seed` has no effect then.
+    /// True to draw random numbers one after the other like the program cpfg, in order to reproduce its strings. `seed` has
+    /// no effect then.
     pub draw_as_cpfg: bool,
 }
 
-/// The final string with the seed, variables and warnings of its derivation, from which it can be drawn.
+/// The final string, with the seed, variables and warnings of its derivation, which its interpretation needs.
 #[derive(Debug, Clone)]
 pub struct DerivedString {
-    /// The final string, without homomorphism; empty if the derivation was deferred.
+    /// The final string before the homomorphism; empty if the derivation is deferred.
     pub modules: ModuleString,
     /// Derivation steps up to the last one that changes the string; fewer than the length after `stop(n)` or once nothing
     /// changes.
     pub steps: u32,
-    /// [`DeriveOptions::plant_id`], which addresses the draws of the interpretation too.
+    /// [`DeriveOptions::plant_id`], which also addresses the draws of the interpretation.
     pub plant_id: u32,
-    /// [`DeriveOptions::seed`], which the interpretation draws from too.
+    /// [`DeriveOptions::seed`], which the interpretation also draws from.
     pub seed: u64,
     /// Warnings of the run: division by zero (L040), weights (L033, L034), depth (L052), idle steps (L054).
     pub warnings: Vec<Diagnostic>,
     pub(crate) stochastic: bool,
     pub(crate) length: u32,
-    /// Steps that count as done for `Q`: the length, or the step of `stop(n)`.
+    /// Number of steps done, for `Q`: the derivation length, or the step of `stop(n)`.
     pub(crate) completed: u32,
     pub(crate) file_seed: i64,
     pub(crate) globals: Vec<f64>,
-    /// cpfg's random numbers where the derivation ended, if it drew them.
+    /// State of cpfg's random numbers at the end of the derivation, if it used them.
     pub(crate) cpfg: Option<CpfgRandom>,
-    /// What `printf` of the grammar wrote during the derivation.
+    /// Output of `printf` during the derivation.
     pub output: String,
-    /// Start of a derivation whose string is not stored.
+    /// Data to run the derivation again; `None` if the string is stored.
     deferred: Option<Deferred>,
-    /// The string as text, if it was derived as such.
+    /// The string as text, if it was derived as text.
     text: Option<String>,
     count: u64,
+    /// The last step; `None` unless only a part of it is drawn.
+    last_step: Option<std::sync::Arc<LastStep>>,
 }
 
-/// The final string, or what derives it again.
+/// The final string, or the data to derive it again.
 struct FinalModules {
     string: ModuleString,
     deferred: Option<Deferred>,
@@ -88,35 +93,35 @@ struct FinalModules {
     count: u64,
 }
 
-/// Upper limit on the parameters of a string: 2^27 values of 4 bytes are half a gibibyte. It also keeps every end in
-/// [`ModuleString`] within 32 bits.
+/// Upper limit on the parameters of a string: 2^27 values of 4 bytes are half a gibibyte. It also ensures that the end
+/// indices in [`ModuleString`] fit into 32 bits.
 const MAX_PARAMS: usize = 1 << 27;
 
-/// Derives and stores the final string of a grammar: the axiom is rewritten and decomposed step by step; [`interpret`] then
+/// Derives and stores the final string of a grammar: rewrites and decomposes the axiom step by step. [`interpret`] then
 /// applies the homomorphism. Queries of the turtle are not answered.
 /// # Errors
-/// `Input` with L050 if the string would surely pass `modules`, with L051 if it does on the way, with L044 for an
-/// endless loop.
+/// `Input` with L050 if the string would certainly exceed the limit `modules`, with L051 if it does during the derivation,
+/// with L044 for an endless loop.
 pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
     derive_with(grammar, options, limits, Storage::String, None)
 }
 
-/// Derives a grammar without storing its string where modules are rewritten independently of each other: only the number of
-/// modules is determined, and [`interpret`] derives again while it draws.
+/// Derives a grammar without storing its string if its modules are rewritten independently of each other: only counts the
+/// modules, and [`interpret`] derives them again while it draws.
 /// # Errors
 /// Those of [`derive()`].
 pub fn derive_deferred(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
     derive_with(grammar, options, limits, Storage::Deferred, None)
 }
 
-/// Derives the string of a grammar as text, parameters with six digits: [`DerivedString::into_text`] gives it.
+/// Derives the string of a grammar as text, parameters with six digits; [`DerivedString::into_text`] returns it.
 /// # Errors
 /// Those of [`derive()`].
 pub fn derive_text(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
     derive_with(grammar, options, limits, Storage::Text, None)
 }
 
-/// How a derivation keeps its final string: as modules, not at all (it is derived again while drawing), or as text.
+/// How a derivation stores its final string: as modules, not at all (it is derived again for drawing), or as text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Storage {
     String,
@@ -141,14 +146,14 @@ fn derive_with(
     if program.rewrites_independently() && !options.draw_as_cpfg {
         return d.derive_independently(options, storage);
     }
-    // Only random draws and the turtle read lineages: text without draws does not store them.
+    // Only random draws and the turtle read lineages: without either, text is derived without storing them.
     if storage == Storage::Text && !plans.draws() && turtle.is_none() {
         (d.string, d.next_string) = (ModuleString::without_ancestry(), ModuleString::without_ancestry());
     }
     d.derive_by_steps(options, turtle)
 }
 
-/// State of a derivation that goes step by step: the strings, and all that productions read.
+/// State of a derivation that proceeds step by step: the strings, and everything that productions read.
 pub(super) struct Derivation<'g> {
     grammar: &'g Grammar,
     program: &'g Program,
@@ -157,7 +162,7 @@ pub(super) struct Derivation<'g> {
     vm: Vm,
     string: ModuleString,
     next_string: ModuleString,
-    /// Memory of rewritten blocks, kept from step to step: fresh pages cost more than the copying.
+    /// Buffers of rewritten blocks, reused from step to step, because allocating fresh pages costs more than the copying.
     block_buffers: Vec<ModuleString>,
     length: u32,
     brackets: Brackets,
@@ -165,11 +170,11 @@ pub(super) struct Derivation<'g> {
     cut_symbol: Option<SymbolId>,
     unchanged_since: Option<u32>,
     steps_done: u32,
-    /// Sum of the lengths of the string over the steps so far, compared with the limit `work`.
+    /// Sum of the string lengths of all steps so far, compared with the limit `work`.
     work: u64,
-    /// The turtle answers queries, so that modules change between the steps.
+    /// True if the turtle answers queries, so that modules change between the steps.
     has_queries: bool,
-    /// Error of the interpretation that a query asked for; returned in place of [`Halt::Query`].
+    /// Error of the interpretation for a query; returned in place of [`Halt::Query`].
     query_error: Option<osier_base::Error>,
     options: DeriveOptions,
 }
@@ -183,13 +188,13 @@ impl<'g> Derivation<'g> {
         limits: &'g Limits,
     ) -> Self {
         let program = &grammar.program;
-        // `Seed:` of the file and the seed of the run are independent parts of every draw's address.
+        // The `Seed:` of the file and the seed of the run are separate parts of every draw's address.
         let file_seed = program.seed.unwrap_or(0);
         let streams = RandomStreams::new(options.seed, options.plant_id, file_seed);
         let mut vm = Vm::new(streams, program.blocks.globals, length);
         vm.statement_limit = limits.get("statements");
         vm.cpfg = options.draw_as_cpfg.then(CpfgRandom::default);
-        // Only symbols that some successor or the axiom produces can occur in the string.
+        // Only symbols in the axiom or in a successor can occur in the string.
         let is_produced = |c: char| {
             let id = program.symbols.find(c)?;
             let templates = program.productions().flat_map(|p| &p.successor).chain(&program.axiom);
@@ -217,7 +222,7 @@ impl<'g> Derivation<'g> {
         }
     }
 
-    /// Derives step by step: the whole string is rewritten before the next step begins.
+    /// Derives step by step: rewrites the whole string before the next step begins.
     fn derive_by_steps(mut self, options: &DeriveOptions, turtle: Option<&mut AskTurtle<'_>>) -> Result<DerivedString> {
         match self.run(turtle) {
             Ok(()) => Ok(self.finish(options)),
@@ -241,12 +246,13 @@ impl<'g> Derivation<'g> {
         self.ask(turtle.as_deref_mut())?;
         let blocks = &self.program.blocks;
         for step in 1..=self.length {
-            // `Q` counts completed steps: the StartEach block still sees the step before.
+            // `Q` counts completed steps: the StartEach block reads the number of the step before.
             self.vm.step = step - 1;
             self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
             let has_cut = self.cut_symbol.is_some_and(|cut| self.remove_cut_branches(cut));
-            // The sum of string lengths over the steps bounds the time of the derivation, as strings may shrink again.
+            // Limit the time of the derivation by the sum of string lengths over the steps, because strings may shrink
+            // again.
             self.work = self.work.saturating_add(self.string.len() as u64);
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
@@ -260,14 +266,14 @@ impl<'g> Derivation<'g> {
             self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
-            // Start of the run of steps without change that is still going on, for the warning L054. Such a run begins after a
-            // step that cuts branches.
+            // First of the steps without change since the last change, for the warning L054. Steps that cut branches count
+            // as a change.
             self.unchanged_since = match (changed, has_cut) {
                 (true, _) => None,
                 (false, true) => Some(step + 1),
                 (false, false) => self.unchanged_since.or(Some(step)),
             };
-            // End early after `stop`, or once no later step can change the string.
+            // End early after `stop`, or if no later step can change the string.
             if self.vm.stopped || (!changed && self.nothing_can_change()) {
                 break;
             }
@@ -275,8 +281,8 @@ impl<'g> Derivation<'g> {
         self.run_block(blocks.end.as_ref(), self.steps_done)
     }
 
-    /// True if a step that changes nothing is followed by equal ones only: no queries, no `StartEach` or `EndEach`, and no
-    /// production that reads the step, draws random numbers, prints or writes global variables.
+    /// True if, after a step that changes nothing, no later step can change anything: there are no queries, no `StartEach`
+    /// or `EndEach`, and no production that reads the step, draws random numbers, prints or writes global variables.
     fn nothing_can_change(&self) -> bool {
         let b = &self.program.blocks;
         let uses_step = |c: &Bytecode| {
@@ -309,24 +315,24 @@ impl<'g> Derivation<'g> {
                 let value = self.vm.eval(arg, &mut [])?;
                 self.string.push_param(narrow(value));
             }
-            // Lineages of the axiom begin with the plant, not with its seed: equal plants of two seeds share lineages.
+            // Lineages of the axiom are derived from the plant number, not from its seed: equal plants of two seeds share
+            // lineages.
             let symbol = u64::from(u32::from(self.program.symbols.get(t.symbol)));
             let plant = u64::from(self.vm.streams.plant_id());
-            // The second number is the L-system's: 0 is the main one.
+            // The second number is that of the L-system: 0 for the main one.
             let lineage = child(mix64(&[plant, 0, symbol]), u64::from(t.occurrence));
             self.string.finish_module(t.symbol, lineage, 0);
         }
         Ok(())
     }
 
-    /// Removes every `%` and what follows it on its branch; true if there was any.
+    /// Removes every `%` with the rest of its branch; true if there was any.
     fn remove_cut_branches(&mut self, cut: SymbolId) -> bool {
         if !self.string.symbols().contains(&cut) {
             return false;
         }
         self.next_string.clear();
-        // `cut_at`: bracket depth of the `%` that is in force. The closing bracket of that depth ends its effect and is
-        // kept.
+        // `cut_at`: bracket depth of the active `%`. The closing bracket of that depth ends its effect and is kept.
         let (mut depth, mut cut_at) = (0_usize, None);
         for i in 0..self.string.len() {
             let m = self.string.get(i);
@@ -357,7 +363,7 @@ impl<'g> Derivation<'g> {
         self.result(options, modules, completed)
     }
 
-    /// Assembles the result; adds the warning L054 if steps after the first change nothing up to the derivation length.
+    /// Assembles the result; adds the warning L054 if the steps from some later step on change nothing.
     fn result(mut self, options: &DeriveOptions, modules: FinalModules, completed: u32) -> DerivedString {
         // L054: the derivation length is larger than the grammar can use.
         if let (Some(step), Some(place)) = (self.unchanged_since, self.program.length_place)
@@ -382,6 +388,7 @@ impl<'g> Derivation<'g> {
             deferred: modules.deferred,
             text: modules.text,
             count: modules.count,
+            last_step: None,
         }
     }
 
@@ -391,7 +398,7 @@ impl<'g> Derivation<'g> {
         match (self.main_production().filter(|_| grows), error) {
             (Some(p), osier_base::Error::Input(mut report)) => {
                 if let Some(mut d) = report.diagnostics.pop() {
-                    // The cause comes first, then how far the derivation goes.
+                    // Label the cause first, then the derivation length.
                     d.labels.insert(0, (p.place.span, "this production makes most of them".to_owned()));
                     report.push(d);
                 }
@@ -401,7 +408,7 @@ impl<'g> Derivation<'g> {
         }
     }
 
-    /// The production that lengthens the present string most; `None` if none does.
+    /// The production that makes the current string grow most; `None` if none makes it grow.
     fn main_production(&self) -> Option<&crate::program::Production> {
         let mut counts = vec![0_u64; self.program.symbols.len()];
         for s in self.string.symbols() {
@@ -413,7 +420,7 @@ impl<'g> Derivation<'g> {
             let of = p.predecessor.first().and_then(|f| counts.get(usize::from(f.symbol))).copied().unwrap_or(0);
             of.saturating_mul(p.successor.len().saturating_sub(p.predecessor.len()) as u64)
         };
-        // Homomorphisms do not lengthen the string that is derived. Of equal ones the first.
+        // Homomorphisms do not lengthen the derived string. Of equal productions the first counts.
         let own = [&self.program.rules, &self.program.decomposition];
         let of_others = self.program.subsystems.iter().flat_map(|s| [&s.rules, &s.decomposition]);
         let productions = own.into_iter().chain(of_others).flat_map(|set| &set.list);
@@ -421,16 +428,16 @@ impl<'g> Derivation<'g> {
     }
 }
 
-/// Symbol numbers of `[` and `]`; `SymbolId::MAX`, which no symbol has, for a bracket that does not occur.
+/// Symbol numbers of `[` and `]`; `SymbolId::MAX`, which no symbol has, for a bracket that does not occur in the grammar.
 fn brackets(program: &Program) -> Brackets {
     let find = |c| program.symbols.find(c).unwrap_or(SymbolId::MAX);
     Brackets { open: find('['), close: find(']') }
 }
 
-/// Warnings collected by the virtual machine as diagnostics of the grammar's source.
+/// The warnings of the stack machine as diagnostics that refer to the grammar's source.
 pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings) -> Vec<Diagnostic> {
     let diagnostic = |e: &RuntimeWarning| {
-        // Warnings of one place are added up during the run; the message says how often they occurred.
+        // Warnings of the same place are counted during the run; the message gives the number of occurrences.
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
         let help = match e.code {
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
@@ -449,9 +456,9 @@ pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings)
     warnings.list.iter().map(diagnostic).collect()
 }
 
-/// The error of a halted run; `step`: the step that was running.
+/// Makes the error of a halted run; `step`: the step in which it halted.
 pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limits) -> osier_base::Error {
-    // Limits that no single location is responsible for point to the derivation length.
+    // Errors of limits without a single responsible place refer to the derivation length.
     let at = grammar.length_place();
     match halt {
         Halt::Loop(place) => {
@@ -464,7 +471,7 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let d = d.help("end it by a test of its parameters, or compute the value in a loop");
             runtime_report(grammar, grammar.with_macro_chain(d, place))
         }
-        // A long chain of functions, or one that does not call itself within one that does.
+        // A long chain of functions that do not call themselves, possibly called from one that does.
         Halt::NestedCalls(place) => {
             let message = "more than 200 calls of functions within one another";
             let d = Diagnostic::error("L044", message, place.span, "the last of them");
@@ -496,7 +503,7 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
                 Diagnostic::error("L051", message, place.span, format!("applied more than {most} times")).help(help);
             runtime_report(grammar, grammar.with_macro_chain(d, place))
         }
-        // Reported by the interpretation that failed.
+        // The failed interpretation has reported the error.
         Halt::Query => {
             runtime_error(grammar, "L051", "the interpretation for queries failed".into(), at, "leave the queries out")
         }

@@ -1,5 +1,5 @@
-//! Productions prepared for rewriting: an index by symbol and number of parameters, and successors as blocks of symbols and
-//! parameters that are copied whole, so that only the parameters that change are computed.
+//! Productions prepared for rewriting: an index by symbol and number of parameters, and successors as arrays of symbols and
+//! parameters that are copied as a whole, so that only changing parameters are computed.
 
 use super::registers::{ParameterTest, RegisterCode, RegisterCompiler, ValueSource};
 use crate::code::{Bytecode, Expr, Op};
@@ -17,24 +17,24 @@ pub(super) type GroupId = u32;
 #[derive(Debug)]
 pub(super) struct Template<'p> {
     pub symbols: Vec<SymbolId>,
-    /// Per module: end of its parameters.
+    /// Per module: end index of its parameters.
     pub ends: Vec<u32>,
-    /// Parameters of all modules; 0 where one is computed.
+    /// Parameters of all modules; 0 for those that are computed.
     pub constants: Vec<f32>,
     pub computed: Vec<ComputedParameter<'p>>,
-    /// Per module: what its lineage adds to that of the module which it replaces.
+    /// Per module: the ids that turn the lineage of the replaced module into that of the new one.
     pub ids: Vec<LineageIds>,
-    /// Modules that some production may rewrite.
+    /// Modules that a production may rewrite.
     pub active: Vec<ActiveModule>,
-    /// The modules as text, if none has parameters.
+    /// The modules as text, if none of them has parameters.
     pub text: Option<TemplateText>,
 }
 
-/// Symbols of a template whose modules have no parameters, joined to one text, of which ranges are copied.
+/// Text of the symbols of a template whose modules have no parameters; ranges of it are copied.
 #[derive(Debug, Default)]
 pub(super) struct TemplateText {
     text: String,
-    /// Per module: end of its text.
+    /// Per module: end index of its text.
     ends: Vec<u32>,
 }
 
@@ -55,27 +55,27 @@ impl TemplateText {
     }
 }
 
-/// A parameter that depends on the module which is rewritten.
+/// A parameter that depends on the module being rewritten.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ComputedParameter<'p> {
     pub source: ValueSource<'p>,
-    /// Its expression, for the report of a division by zero.
+    /// Its expression; run to report a division by zero.
     pub code: Option<&'p Bytecode>,
-    /// Index of its value among the parameters of the whole template.
+    /// Index of the parameter among all parameters of the template.
     pub target: u32,
 }
 
-/// A module of a template that some production may rewrite.
+/// A module of a template that a production may rewrite.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ActiveModule {
     pub index: u32,
     pub group: GroupId,
-    /// Its parameters, as a range of all parameters of the template.
+    /// Range of its parameters among all parameters of the template.
     pub first_param: u32,
     pub end_param: u32,
 }
 
-/// Share of a production among those that apply.
+/// Weight of a production when it competes with others that apply.
 #[derive(Debug)]
 pub(super) enum Weight<'p> {
     Constant(f64),
@@ -86,7 +86,7 @@ pub(super) enum Weight<'p> {
 #[derive(Debug)]
 pub(super) struct PlannedProduction<'p> {
     pub source: &'p Production,
-    /// Number of local variables, parameters included.
+    /// Number of local variables, formal parameters included.
     pub locals: usize,
     pub condition: Condition<'p>,
     /// The condition, if it compares one parameter with a constant.
@@ -94,19 +94,19 @@ pub(super) struct PlannedProduction<'p> {
     pub weight: Weight<'p>,
     pub registers: RegisterCode,
     pub template: Template<'p>,
-    /// Per symbol: true if its contexts skip it; `None` if they skip those of its L-system.
+    /// Per symbol: true if contexts of this production skip it; `None` if they skip the symbols of its L-system.
     pub ignored: Option<Vec<bool>>,
-    /// One predecessor, no contexts, no blocks: whether it applies depends only on its condition.
+    /// True if it has one predecessor, no contexts and no blocks, so that only its condition decides whether it applies.
     pub is_simple: bool,
-    /// Computing the successor's parameters has no effect but their values.
+    /// True if computing the successor's parameters has no side effects.
     pub is_pure: bool,
 }
 
-/// What a production tests before it applies.
+/// The condition of a production.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Condition<'p> {
     Always,
-    /// Source of the value, and the code that it equals.
+    /// Source of the condition's value, and the equivalent bytecode.
     Value(ValueSource<'p>, &'p Bytecode),
 }
 
@@ -114,16 +114,16 @@ pub(super) enum Condition<'p> {
 #[derive(Debug)]
 pub(super) struct ProductionGroup {
     pub productions: Vec<u32>,
-    /// All of them look at nothing but the module and their conditions.
+    /// True if all productions depend only on the module and their conditions.
     pub is_simple: bool,
-    /// A module to which none of them applies in one step stays as it is in all later steps.
+    /// True if a module to which no production applies in one step stays unchanged in all later steps.
     pub is_stationary: bool,
-    /// The only production, if it applies to every module of the group.
+    /// The production that rewrites every module of the group; `None` if that is not always the same one.
     pub always: Option<u32>,
-    /// The test of each production (`None`: it always applies), if no condition looks at more than one parameter and the
+    /// The test of each production (`None` if it always applies); only if no condition reads more than one parameter and the
     /// first production that applies is taken.
     pub tests: Option<Vec<Option<ParameterTest>>>,
-    /// Constant weights of the productions, if all of them apply to every module of the group.
+    /// Constant weights of the productions, if they compete and all of them apply to every module of the group.
     pub shares: Option<Shares>,
 }
 
@@ -133,13 +133,13 @@ pub(super) struct RewritePlan<'p> {
     pub set: &'p ProductionSet,
     pub productions: Vec<PlannedProduction<'p>>,
     pub groups: Vec<ProductionGroup>,
-    /// Per symbol: number of parameters and group.
+    /// Per symbol: pairs of number of parameters and group.
     by_symbol: Vec<Vec<(usize, GroupId)>>,
-    /// Competing productions are drawn by weight.
+    /// True if competing productions are drawn by weight.
     pub stochastic: bool,
-    /// Some production draws random numbers, or is drawn itself: lineages are needed while rewriting.
+    /// True if a production draws random numbers or is itself drawn, so that rewriting needs lineages.
     pub draws: bool,
-    /// Some production reads the new string.
+    /// True if a production has contexts in the new string.
     pub reads_made: bool,
 }
 
@@ -161,7 +161,7 @@ impl<'p> SectionPlans<'p> {
         &self.systems[0]
     }
 
-    /// The plan of an L-system by its number, as [`Program::section`] counts; of the main one for an unknown number.
+    /// The plan of an L-system, numbered as in [`Program::section`]; that of the main one for an unknown number.
     pub fn of(&self, system: u16) -> &RewritePlan<'p> {
         self.systems.get(usize::from(system)).unwrap_or(&self.systems[0])
     }
@@ -171,7 +171,7 @@ impl<'p> SectionPlans<'p> {
         self.systems.iter().all(|p| p.productions.is_empty())
     }
 
-    /// True if some production has a left or right context, for which brackets must be matched.
+    /// True if a production has a left or right context, which needs matched brackets.
     pub fn needs_partners(&self) -> bool {
         self.systems.iter().flat_map(|p| &p.set.list).any(|p| !p.is_context_free())
     }
@@ -182,7 +182,7 @@ impl<'p> SectionPlans<'p> {
     }
 }
 
-/// The plans of the sections that make the string.
+/// The plans of the sections that rewrite the string.
 #[derive(Debug)]
 pub(super) struct Plans<'p> {
     pub rules: SectionPlans<'p>,
@@ -190,8 +190,8 @@ pub(super) struct Plans<'p> {
 }
 
 impl<'p> Plans<'p> {
-    /// Prepares the productions of a program. `stochastic`: they compete by weight; `as_cpfg`: those of a decomposition do not,
-    /// the first one that applies is taken.
+    /// Prepares the productions of a program. `stochastic`: they compete by weight; `as_cpfg`: of those of a decomposition
+    /// the first that applies is taken instead.
     pub fn new(program: &'p Program, stochastic: bool, as_cpfg: bool) -> Self {
         Self {
             rules: SectionPlans::new(program, Section::Rules, stochastic),
@@ -199,7 +199,7 @@ impl<'p> Plans<'p> {
         }
     }
 
-    /// True if a production of either section draws random numbers or is chosen by a draw, so that lineages are needed.
+    /// True if a production of either section draws random numbers or is drawn, so that lineages are needed.
     pub fn draws(&self) -> bool {
         self.rules.systems.iter().chain(&self.decomposition.systems).any(|p| p.draws)
     }
@@ -237,7 +237,7 @@ impl<'p> RewritePlan<'p> {
         let varies_by_step = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
         for g in &mut groups {
             let tests = g.productions.iter().filter_map(|i| set.list.get(to_usize(*i))).flat_map(tests);
-            // Conditions that depend only on parameters give the same answer in every step.
+            // Conditions that depend only on parameters have the same value in every step.
             g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
         }
         let mut plan =
@@ -248,7 +248,7 @@ impl<'p> RewritePlan<'p> {
             plan.groups[i].is_simple =
                 plan.groups[i].productions.iter().all(|p| plan.productions[to_usize(*p)].is_simple);
             plan.groups[i].always = match plan.groups[i].productions.as_slice() {
-                // A deterministic L-system takes the first production that applies.
+                // A deterministic L-system takes the first production that applies, so that the others have no effect.
                 [first, others @ ..] if others.is_empty() || !stochastic => {
                     let p = &plan.productions[to_usize(*first)];
                     (p.is_simple && matches!(p.condition, Condition::Always)).then_some(*first)
@@ -265,7 +265,7 @@ impl<'p> RewritePlan<'p> {
         plan
     }
 
-    /// What the productions of a group test, if that is at most one parameter each and none competes.
+    /// The tests of a group's productions, if each reads at most one parameter and none competes by weight.
     fn parameter_tests(&self, group: &ProductionGroup) -> Option<Vec<Option<ParameterTest>>> {
         if (self.stochastic && group.always.is_none()) || !group.is_simple {
             return None;
@@ -280,7 +280,7 @@ impl<'p> RewritePlan<'p> {
         group.productions.iter().map(test).collect()
     }
 
-    /// Weights of productions that compete under no condition, if they are constant and positive.
+    /// The weights of productions that compete without conditions, if all are constant and positive.
     fn constant_shares(&self, group: &ProductionGroup) -> Option<Shares> {
         let share = |i: &u32| {
             let p = &self.productions[to_usize(*i)];
@@ -289,13 +289,13 @@ impl<'p> RewritePlan<'p> {
                 _ => None,
             }
         };
-        // Prepared sums of the weights: a draw then needs no pass over the productions.
+        // Precomputed sums of the weights, so that a draw needs no pass over the productions.
         let competes = self.stochastic && group.productions.len() > 1;
         let weights: Option<Vec<f64>> = if competes { group.productions.iter().map(share).collect() } else { None };
         weights.map(|w| Shares::new(&w))
     }
 
-    /// Group of modules of a symbol with `arity` parameters; `None` if no production rewrites them.
+    /// Group of the modules of a symbol with `arity` parameters; `None` if it has no productions.
     #[inline]
     pub fn group(&self, symbol: SymbolId, arity: usize) -> Option<GroupId> {
         let row = self.by_symbol.get(usize::from(symbol))?;
@@ -313,7 +313,7 @@ impl<'p> RewritePlan<'p> {
             None => Weight::Constant(1.0),
             Some(code) => crate::vm::constant_value(code).map_or(Weight::Code(code), Weight::Constant),
         };
-        // Parameters of a lone predecessor are the first local variables.
+        // The parameters of a lone predecessor are the first local variables.
         let is_first = p.predecessor.first().is_some_and(|f| f.slot == 0);
         let is_simple =
             p.is_context_free() && p.predecessor.len() == 1 && is_first && p.before.is_none() && p.after.is_none();
@@ -322,7 +322,7 @@ impl<'p> RewritePlan<'p> {
             None => Condition::Always,
             Some(code) => Condition::Value(compiler.code(code), code),
         };
-        // Registers of the condition are computed first; those of the successor only if it holds.
+        // Registers of the condition are computed first; those of the successor only if the condition holds.
         let condition_end = compiler.operation_count();
         let arity = p.predecessor.first().map_or(0, |f| usize::from(f.arity));
         let is_register = matches!(condition, Condition::Value(ValueSource::Register(_), _));
@@ -345,7 +345,7 @@ impl<'p> RewritePlan<'p> {
         }
     }
 
-    /// The template of a successor or of the axiom, whose expressions are added to `compiler`.
+    /// Makes the template of a successor or of the axiom; adds its expressions to `compiler`.
     pub fn template(
         &self,
         program: &Program,
@@ -373,7 +373,7 @@ impl<'p> RewritePlan<'p> {
                 let ValueSource::Constant(c) = source else {
                     let code = if let Expr::Code(code) = arg { Some(&**code) } else { None };
                     out.computed.push(ComputedParameter { source, code, target });
-                    // Holds the place of the value until it is computed.
+                    // Placeholder for the computed value.
                     out.constants.push(0.0);
                     continue;
                 };
@@ -385,18 +385,18 @@ impl<'p> RewritePlan<'p> {
                 out.active.push(ActiveModule { index, group, first_param, end_param });
             }
         }
-        // Without parameters a module is always the same text.
+        // Modules without parameters always have the same text.
         out.text = out.constants.is_empty().then(|| TemplateText::new(program, &out.symbols));
         out
     }
 }
 
-/// Code that is run to decide whether a production applies: the block before its condition, and the condition.
+/// Code that decides whether a production applies: the block before its condition, and the condition.
 fn tests(p: &Production) -> impl Iterator<Item = &Bytecode> {
     [&p.before, &p.condition].into_iter().flatten()
 }
 
-/// True if the value may differ in the next step; `globals`: the blocks of the L-system may change global variables.
+/// True if the value may change from step to step; `globals`: blocks of the L-system may change global variables.
 fn may_change(code: &Bytecode, globals: bool) -> bool {
     code.ops.iter().any(|o| match o {
         Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_) => true,

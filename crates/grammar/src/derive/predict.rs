@@ -14,11 +14,11 @@ use osier_base::limits::{Limits, grouped};
 /// Bounds and expected value of the number of modules after some steps, computed without deriving.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// No fewer than this (saturating).
+    /// Lower bound (saturating).
     pub lower: u128,
-    /// No more than this (saturating).
+    /// Upper bound (saturating).
     pub upper: u128,
-    /// Expected number by the weights; conditions are taken as equally likely alternatives.
+    /// Expected number by the weights; conditions count as equally likely alternatives.
     pub expected: f64,
 }
 
@@ -34,7 +34,7 @@ struct GrowthMatrix {
     upper: Vec<SparseRow<u128>>,
     expected: Vec<SparseRow<f64>>,
     start: Vec<u128>,
-    /// False if the string can shrink in ways that counts do not see.
+    /// False if the string can shrink in ways that the growth matrix does not include.
     has_lower: bool,
 }
 
@@ -67,8 +67,8 @@ impl GrowthMatrix {
                 m.start[k] += 1;
             }
         }
-        // Lower bounds hold only while every module is rewritten separately: `%`, predecessors of several modules and
-        // decomposition can remove modules that the matrix does not see.
+        // Lower bounds hold only if every module is rewritten separately: `%`, predecessors of several modules and
+        // decompositions can remove modules outside the matrix.
         let cut_symbol = program.symbols.find('%');
         let has_cut = m.kinds.keys().any(|k| Some(k.0) == cut_symbol);
         let several = program.rules.list.iter().any(|p| p.predecessor.len() > 1);
@@ -81,8 +81,8 @@ impl GrowthMatrix {
         m
     }
 
-    /// Per kind: true if every step certainly rewrites its modules. False for all kinds if blocks of steps or `stop` may end the
-    /// derivation.
+    /// Per kind: true if every step certainly rewrites its modules. False for all kinds if `stop` or the blocks of steps may
+    /// end the derivation.
     fn always_rewritten(&self, grammar: &Grammar) -> Vec<bool> {
         let program = &grammar.program;
         let stops = |c: &Bytecode| c.ops.iter().any(|o| matches!(o, Op::Stop));
@@ -95,12 +95,12 @@ impl GrowthMatrix {
         rewritten
     }
 
-    /// The row of one kind: what its productions may make of it.
+    /// Sets the matrix row of one kind: the modules that its productions may produce.
     fn set_row(&mut self, k: usize, rules: &[&Production], stochastic: bool) {
         let copy = BTreeMap::from([(k, 1)]);
         let mut alternatives: Vec<(BTreeMap<usize, u128>, f64)> = Vec::new();
-        // One alternative for each production that may apply, in file order; an unconditional one hides the later ones
-        // of a deterministic grammar.
+        // One alternative for each production that may apply, in file order; in a deterministic grammar an unconditional
+        // production hides the later ones.
         let mut always = false;
         for p in rules {
             let weight = p.weight.as_ref().map_or(Some(1.0), crate::vm::constant_value).unwrap_or(1.0);
@@ -114,7 +114,7 @@ impl GrowthMatrix {
             alternatives.push((copy.clone(), 1.0));
         }
         let total = alternatives.iter().fold(0.0, |s, o| s + o.1);
-        // Per symbol of the successors: the fewest, the most and the weighted mean number over the alternatives.
+        // Per kind of module in the successors: smallest, largest and weighted mean number over the alternatives.
         let columns: std::collections::BTreeSet<usize> =
             alternatives.iter().flat_map(|o| o.0.keys().copied()).collect();
         for c in columns {
@@ -142,12 +142,12 @@ impl GrowthMatrix {
         out
     }
 
-    /// Least number of modules of each kind after `steps` steps.
+    /// Lower bound of the number of modules of each kind after `steps` steps.
     fn counts_after(&self, steps: u32) -> Vec<u128> {
         let mut v = self.start.clone();
         for _ in 0..steps {
             let next = Self::next_counts(&self.lower, &v);
-            // Counts at a fixed point stay the same.
+            // At a fixed point the counts stay the same.
             if next == v {
                 break;
             }
@@ -165,7 +165,7 @@ fn saturating_sum(v: &[u128]) -> u128 {
 /// Source: the growth matrix of the textbook, length = v0 M^n 1; bounds take element-wise extremes over alternatives.
 pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
     let m = GrowthMatrix::new(grammar, stochastic);
-    // Row vectors of counts, multiplied by the matrix once a step. The loop ends early at a fixed point, or beyond 2^64
+    // Row vectors of counts, multiplied by the matrix in each step. The loop ends early at a fixed point, or above 2^64
     // modules.
     let (mut low, mut high) = (m.start.clone(), m.start.clone());
     let mut expected: Vec<f64> = m.start.iter().map(|x| *x as f64).collect();
@@ -193,7 +193,7 @@ pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
 
 /// L050 for a derivation that certainly exceeds the limit on steps, modules or work.
 pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOptions, limits: &Limits) -> Result<()> {
-    // First the number of steps itself: the loops below run once a step.
+    // Check the number of steps first, because the loops below run once for each step.
     let max_steps = limits.get("steps");
     if u64::from(steps) > max_steps {
         let (wanted, limit) = (grouped(u64::from(steps)), grouped(max_steps));
@@ -208,8 +208,8 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
     let limit = u128::from(limits.get("modules"));
     let mut v = m.start.clone();
     let mut work = 0_u128;
-    // Follow the lower bound step by step. A step costs the length of its string, but only if some module in it is
-    // certainly rewritten: a string at rest ends the derivation early.
+    // Follow the lower bound step by step. A step costs the length of its string, but only if it certainly rewrites some
+    // module, because a string without changes ends the derivation early.
     let rewritten = m.always_rewritten(grammar);
     for step in 0..=steps {
         if saturating_sum(&v) > limit {
@@ -218,7 +218,7 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
         let busy = rewritten.iter().zip(&v).any(|(rewritten, n)| *rewritten && *n > 0);
         let each = if busy { saturating_sum(&v) } else { 0 };
         let next = GrowthMatrix::next_counts(&m.lower, &v);
-        // Counts at a fixed point stay the same; all remaining steps cost the same.
+        // At a fixed point the counts stay the same, so that all remaining steps have the same cost.
         if next == v {
             work = work.saturating_add(each.saturating_mul(u128::from(steps - step)));
             break;
@@ -236,7 +236,7 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
     Ok(())
 }
 
-/// L050 at the derivation length of the grammar, or without a place if the options set another one.
+/// L050 at the grammar's derivation length, or without a place if the options replace that length.
 fn length_error(
     grammar: &Grammar,
     options: &DeriveOptions,
@@ -254,7 +254,7 @@ fn grouped_wide(n: u128) -> String {
     u64::try_from(n).map_or_else(|_| "more than 10^19".to_owned(), grouped)
 }
 
-/// L050 for a derivation that would exceed the modules allowed; `first_over`: the first step that does.
+/// L050 for a derivation that would exceed the limit on modules; `first_over`: the first step that does.
 fn limit_error(
     grammar: &Grammar,
     m: &GrowthMatrix,
@@ -265,7 +265,7 @@ fn limit_error(
     let steps = options.steps.unwrap_or(grammar.program.length);
     let limit = limits.get("modules");
     let count = |step: u32| saturating_sum(&m.counts_after(step));
-    // For a string that shrinks again, report the first step in which it is too long.
+    // If the string shrinks again before the end, report the first step that exceeds the limit.
     let (step, wanted) = match count(steps) {
         wanted if wanted > u128::from(limit) => (steps, wanted),
         _ => (first_over, count(first_over)),
@@ -274,7 +274,7 @@ fn limit_error(
     let (message, help) = match first_over.checked_sub(1) {
         Some(allowed) => {
             let message = format!("step {step} would make {wanted} modules; --max-modules {limit} allows {allowed}");
-            // Where the length comes from: the flag or the key of a scene, or the grammar.
+            // Name the source of the length: option or scene key, or else the grammar.
             let length = if options.steps.is_some() { "--steps (or the key 'steps')" } else { "the derivation length" };
             (message, format!("set {length} to {allowed} or less, or raise --max-modules"))
         }
@@ -295,7 +295,7 @@ fn limit_error(
     }
 }
 
-/// The production that adds most modules in step `step`, of equal ones the first; `None` if none adds any.
+/// The production that adds most modules in step `step`, the first of equal ones; `None` if none adds any.
 fn main_production<'g>(grammar: &'g Grammar, m: &GrowthMatrix, step: u32) -> Option<&'g Production> {
     let v = m.counts_after(step.saturating_sub(1));
     let gain = |p: &&Production| {

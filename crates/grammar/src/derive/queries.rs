@@ -1,4 +1,5 @@
-//! Queries: `?P`, `?H`, `?L`, `?U` and `?Q` ask the turtle where it stands, and the bounds of what it has drawn.
+//! Queries: `?P`, `?H`, `?L`, `?U` and `?Q` return the turtle's position and orientation; variables hold the bounds of the
+//! drawing.
 
 use super::{Derivation, DeriveOptions, DerivedString, Storage, derive_with};
 use crate::code::{Bytecode, Op};
@@ -12,16 +13,16 @@ use osier_base::limits::Limits;
 /// Symbols that may follow `?`.
 const QUERIES: [char; 5] = ['P', 'H', 'L', 'U', 'Q'];
 
-/// What the turtle answers to one query module.
+/// The turtle's answer to one query module.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QueryAnswer {
-    /// Index of the module in the string, that of the letter after `?`.
+    /// Index in the string of the query's module, which is that of the letter after `?`.
     pub module: usize,
-    /// Position in turtle units, or a unit vector; world axes, the signs of cpfg. A rotation is a unit quaternion x, y, z, w.
+    /// Value in world axes, with the signs of cpfg.
     pub value: QueryValue,
 }
 
-/// The numbers of an answer, which replace the parameters of the query from the first on.
+/// The numbers of an answer, which replace the first parameters of the query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum QueryValue {
     /// x, y, z: a position in turtle units, or a unit vector.
@@ -42,18 +43,18 @@ impl QueryValue {
 /// Result of an interpretation of the string: the answers to its queries and the extent of the drawing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TurtleAnswers {
-    /// In the order of the string.
+    /// Answers in the order of the string.
     pub answers: Vec<QueryAnswer>,
-    /// Least and greatest coordinates of all positions, turtle units.
+    /// Smallest and largest coordinates of all positions, turtle units.
     pub bounds: [[f64; 3]; 2],
 }
 
-/// Interprets the string of a step and answers its queries; an error ends the derivation.
+/// Interprets the string of a step and returns its answers; an error ends the derivation.
 pub type AskTurtle<'a> = dyn FnMut(&DerivedString) -> Result<TurtleAnswers> + 'a;
 
-/// Derives a grammar whose queries `ask` answers: after the axiom and after each step.
+/// Derives a grammar with queries, which `ask` answers after the axiom and after each step.
 /// # Errors
-/// As [`super::derive`], and those of `ask`.
+/// Errors of [`super::derive`], and those of `ask`.
 pub fn derive_with_queries(
     grammar: &Grammar,
     options: &DeriveOptions,
@@ -69,7 +70,7 @@ fn is_query_name(name: &str) -> bool {
 }
 
 impl Program {
-    /// Does it ask the turtle anything? Then its string is interpreted in every step.
+    /// True if the program has queries; then its string is interpreted in every step.
     pub fn has_queries(&self) -> bool {
         let asks_bounds = |c: &Bytecode| c.ops.iter().any(|o| matches!(o, Op::Bounds(_)));
         let blocks = [&self.blocks.start, &self.blocks.start_each, &self.blocks.end_each, &self.blocks.end];
@@ -94,7 +95,7 @@ impl Program {
 }
 
 impl Grammar {
-    /// Does it ask the turtle anything? Then [`derive_with_queries`] derives it.
+    /// True if the grammar has queries; then use [`derive_with_queries`].
     pub fn has_queries(&self) -> bool {
         self.program.has_queries()
     }
@@ -104,7 +105,7 @@ impl Derivation<'_> {
     /// Lets the turtle interpret the string and writes its answers into the query modules.
     pub(super) fn ask(&mut self, ask: Option<&mut AskTurtle<'_>>) -> std::result::Result<(), Halt> {
         let Some(ask) = ask.filter(|_| self.has_queries) else { return Ok(()) };
-        // The string is lent to the turtle as if it were the last one.
+        // The turtle gets the string as if it were the final one.
         let asked = DerivedString {
             modules: std::mem::take(&mut self.string),
             steps: self.vm.step,
@@ -121,12 +122,13 @@ impl Derivation<'_> {
             deferred: None,
             text: None,
             count: 0,
+            last_step: None,
         };
         let found = ask(&asked);
         self.string = asked.modules;
         match found {
             Ok(found) => {
-                // Only query modules take answers as parameters.
+                // Only query modules receive answers as parameters.
                 let symbols = &self.program.symbols;
                 let is_query = |s: SymbolId| {
                     let c = symbols.get(s);

@@ -1,34 +1,35 @@
-//! Expressions as operations on registers: constants are folded, equal operations are computed once for a whole production.
-//! Expressions with branches, random draws or side effects stay code of the stack machine.
+//! Compiles expressions to operations on registers: constants are folded, and equal operations are computed once for a whole
+//! production. Expressions with branches, random draws or side effects remain code of the stack machine.
 
 use crate::code::{BinaryOp, Bytecode, Expr, Op, UnaryOp, is_zero, truth};
 use crate::vm::Vm;
 
-/// Registers of a production; expressions that do not fit in stay code. A power of two, so that masked numbers are in range.
+/// Number of registers of a production; expressions that need more remain code. A power of two, so that masked indices are
+/// in range.
 const REGISTERS: usize = 128;
 
-/// The values that an operation can address: the fixed-size start of a [`RegisterFile`].
+/// The registers that an operation can address: the fixed-size start of a [`RegisterFile`].
 type Registers = [f64; REGISTERS];
 
-/// Values that the expressions of one production read and write: local variables first, then constants and results. Operations
-/// reach the first [`REGISTERS`]; a production may have more local variables.
+/// Values that the expressions of one production read and write: local variables first, then constants and results.
+/// Operations can address only the first [`REGISTERS`]; a production may have more local variables.
 pub(super) type RegisterFile = Vec<f64>;
 
 /// Index into the first `REGISTERS` values of a [`RegisterFile`].
 type Register = u8;
 
-/// What an operation does with its operands; operations of one operand read only `a`.
+/// Computation of an operation; those with one operand read only `a`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Action {
     Unary(UnaryOp),
     Binary(BinaryOp),
     And,
     Or,
-    /// 1 for a number that is not zero.
+    /// 1 if the operand is not zero, else 0.
     Truth,
 }
 
-/// Stores in `result` what an action makes of the registers `a` and `b`.
+/// Stores in register `result` the result of an action on registers `a` and `b`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Operation {
     action: Action,
@@ -40,14 +41,14 @@ pub(super) struct Operation {
 /// A condition that compares one parameter with a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ParameterTest {
-    /// Index of the parameter.
+    /// Index of the parameter in the module.
     pub parameter: usize,
     comparison: BinaryOp,
     constant: f64,
 }
 
 impl ParameterTest {
-    /// Whether the condition holds for a module with these parameters; false without the parameter.
+    /// True if the condition holds for a module with these parameters; false if the parameter is missing.
     #[inline]
     #[allow(clippy::float_cmp, reason = "the grammar language compares exactly")]
     pub fn holds(&self, params: &[f32]) -> bool {
@@ -64,7 +65,7 @@ impl ParameterTest {
     }
 }
 
-/// A value from outside that a register takes before a production is tested.
+/// A value that is loaded into a register before a production is tested.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum OutsideValue {
     Global(u16),
@@ -72,26 +73,26 @@ pub(super) enum OutsideValue {
     Step,
     /// Derivation length, `Z` in grammars.
     Length,
-    /// Derivation steps that are left after this one, `remaining` in grammars.
+    /// Number of derivation steps after this one, `remaining` in grammars.
     Remaining,
 }
 
-/// Source of an expression's value: known at compile time, computed into a register, or left to the stack machine.
+/// Source of an expression's value: known at compile time, computed in a register, or left to the stack machine.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum ValueSource<'p> {
     Constant(f64),
-    /// Lies in this place of the register file after the operations of the production.
+    /// Index in the register file that holds the value after the operations of the production.
     Register(u16),
     Code(&'p Bytecode),
 }
 
-/// Translates the expressions of one production into operations on registers; equal constants and results share a register.
+/// Compiles the expressions of one production to operations on registers; equal constants and results share a register.
 #[derive(Debug)]
 pub(super) struct RegisterCompiler {
-    /// Values of the registers before the first operation: constants, and 0 in all others.
+    /// Initial values of the registers: constants, and 0 for all others.
     initial: Box<Registers>,
     used: usize,
-    /// Registers from here on hold constants, values from outside and results.
+    /// First register after the local variables; the later ones hold constants, loaded values and results.
     first_free: usize,
     locals: usize,
     is_constant: [bool; REGISTERS],
@@ -99,28 +100,28 @@ pub(super) struct RegisterCompiler {
     operations: Vec<Operation>,
 }
 
-/// Where translation stood, to return to it.
+/// State of the compiler, to undo a failed translation.
 struct CompilerMark {
     used: usize,
     outside: usize,
     operations: usize,
 }
 
-/// Operations of the condition and of the successor of one production, and the values that their registers begin with.
+/// Operations of the condition and of the successor of one production, and the initial values of their registers.
 #[derive(Debug)]
 pub(super) struct RegisterCode {
     pub initial: RegisterFile,
-    /// Registers that must be filled before the condition is tested, with the source of each value.
+    /// Registers to load before the condition is tested, with the source of each value.
     pub outside: Vec<(Register, OutsideValue)>,
     /// Operations of the condition, then those of the successor.
     operations: Vec<Operation>,
     condition_end: usize,
-    /// The operations of the successor cannot divide by zero.
+    /// True if the operations of the successor cannot divide by zero.
     pub cannot_fail: bool,
 }
 
 impl RegisterCompiler {
-    /// Compiler for a production whose first `locals` registers, at most [`REGISTERS`], hold its local variables.
+    /// Creates a compiler for a production whose first `locals` registers, at most [`REGISTERS`], hold its local variables.
     pub fn new(locals: usize) -> Self {
         let first_free = locals.min(REGISTERS);
         Self {
@@ -138,18 +139,18 @@ impl RegisterCompiler {
         self.operations.len()
     }
 
-    /// Source of a successor's parameter; a local variable beyond those of the production reads as 0.
+    /// Compiles a parameter of a successor; a local variable beyond those of the production reads as 0.
     pub fn expression<'p>(&mut self, e: &'p Expr) -> ValueSource<'p> {
         match e {
             Expr::Const(c) => ValueSource::Constant(*c),
             Expr::Local(i) if usize::from(*i) < self.locals => ValueSource::Register(*i),
-            // A slot that no variable has reads as 0.
+            // A slot without a variable reads as 0.
             Expr::Local(_) => ValueSource::Constant(0.0),
             Expr::Code(code) => self.code(code),
         }
     }
 
-    /// Source of a condition, a weight or a computed parameter; code that does not fit the registers stays with the stack
+    /// Compiles a condition, a weight or a computed parameter; code that does not fit into registers is left to the stack
     /// machine.
     pub fn code<'p>(&mut self, code: &'p Bytecode) -> ValueSource<'p> {
         let mark = CompilerMark { used: self.used, outside: self.outside.len(), operations: self.operations.len() };
@@ -157,7 +158,7 @@ impl RegisterCompiler {
             Some(r) if self.is_constant[usize::from(r)] => ValueSource::Constant(self.initial[usize::from(r)]),
             Some(r) => ValueSource::Register(r.into()),
             None => {
-                // Undo what the beginning of the expression has left.
+                // Undo the partial translation.
                 self.is_constant[mark.used..].fill(false);
                 self.used = mark.used;
                 self.outside.truncate(mark.outside);
@@ -167,13 +168,13 @@ impl RegisterCompiler {
         }
     }
 
-    /// What the operations before `condition_end` test, if they compare one local variable with a constant.
+    /// The test that the operations before `condition_end` compute, if they compare one local variable with a constant.
     pub fn parameter_test(&self, condition_end: usize) -> Option<ParameterTest> {
         let [Operation { action: Action::Binary(op), a, b, .. }] = self.operations.get(..condition_end)? else {
             return None;
         };
         let (a, b) = (usize::from(*a), usize::from(*b));
-        // `0 < x` is `x > 0`.
+        // Mirror the comparison: `0 < x` is `x > 0`.
         let turned = match op {
             BinaryOp::Lt => BinaryOp::Gt,
             BinaryOp::Le => BinaryOp::Ge,
@@ -205,12 +206,13 @@ impl RegisterCompiler {
         RegisterCode { initial, outside: self.outside, operations: self.operations, condition_end, cannot_fail }
     }
 
-    /// The register that holds the value of `code`; `None` for code that needs the stack machine.
+    /// Compiles `code` and returns the register that holds its value; `None` if the code needs the stack machine.
     fn translate(&mut self, code: &Bytecode) -> Option<Register> {
-        // The stack of the machine, with registers instead of numbers.
+        // The stack of the machine, which holds registers instead of values.
         let mut stack: Vec<Register> = Vec::new();
-        // `&&` and `||` whose right side is being read: where it ends, the left side, the action. Both sides are evaluated: the
-        // right one has no side effect but the warning of a division by zero, for which the code itself is run.
+        // `&&` and `||` whose right side is being compiled: its end, the left side, the action. Both sides are evaluated,
+        // because the only side effect of the right one is the warning of a division by zero, for which the stack machine
+        // runs the code.
         let mut pending: Vec<(usize, Register, Action)> = Vec::new();
         for pc in 0..=code.ops.len() {
             while let Some(&(_, a, action)) = pending.last().filter(|p| p.0 == pc) {
@@ -279,7 +281,8 @@ impl RegisterCompiler {
         Some(r)
     }
 
-    /// The register of an operation's result: a constant if its operands are, that of an equal operation if there is one.
+    /// The register of an operation's result: a constant if its operands are constant, or the register of an equal
+    /// operation.
     fn operation(&mut self, action: Action, a: Register, b: Register) -> Option<Register> {
         let (ia, ib) = (usize::from(a), usize::from(b));
         if self.is_constant[ia]
@@ -288,7 +291,7 @@ impl RegisterCompiler {
         {
             return self.constant(value);
         }
-        // Operations that may divide by zero are not shared: each place of such a division is reported.
+        // Operations that may divide by zero are not shared, because each place of such a division is reported.
         let may_fail = matches!(action, Action::Binary(BinaryOp::Div | BinaryOp::Rem)) && !self.is_constant[ib];
         let equal = |o: &&Operation| o.action == action && o.a == a && o.b == b && !may_fail;
         if let Some(o) = self.operations.iter().find(equal) {
@@ -304,7 +307,7 @@ impl RegisterCompiler {
 #[inline(always)]
 fn compute(action: Action, a: f64, b: f64) -> Option<f64> {
     Some(match action {
-        // The common operations come first, without the test for a division by zero.
+        // The common operations come first, without a test for a division by zero.
         Action::Binary(BinaryOp::Add) => a + b,
         Action::Binary(BinaryOp::Sub) => a - b,
         Action::Binary(BinaryOp::Mul) => a * b,
@@ -323,7 +326,7 @@ fn compute(action: Action, a: f64, b: f64) -> Option<f64> {
 }
 
 impl RegisterCode {
-    /// Fills the registers that hold global variables, the step, the derivation length and the remaining steps.
+    /// Loads the registers of global variables, step, derivation length and remaining steps.
     #[inline]
     pub fn load_outside(&self, vm: &Vm, file: &mut [f64]) {
         for (r, value) in &self.outside {
@@ -336,13 +339,13 @@ impl RegisterCode {
         }
     }
 
-    /// Runs the operations of the condition; false where a division by zero occurs, which the code itself must report.
+    /// Runs the operations of the condition; false after a division by zero, which the stack machine must then report.
     #[inline]
     pub fn run_condition(&self, file: &mut [f64]) -> bool {
         run(&self.operations[..self.condition_end], file)
     }
 
-    /// Runs the operations of the successor; false where a division by zero occurs.
+    /// Runs the operations of the successor; false after a division by zero.
     #[inline]
     pub fn run_successor(&self, file: &mut [f64]) -> bool {
         run(&self.operations[self.condition_end..], file)
@@ -351,7 +354,7 @@ impl RegisterCode {
 
 #[inline]
 fn run(operations: &[Operation], file: &mut [f64]) -> bool {
-    // One test of the length for all operations: masked numbers of registers are in range.
+    // Check the length once for all operations: masked register numbers are then in range.
     let Some(file) = file.first_chunk_mut::<REGISTERS>() else { return false };
     for o in operations {
         let (a, b) = (file[usize::from(o.a) % REGISTERS], file[usize::from(o.b) % REGISTERS]);

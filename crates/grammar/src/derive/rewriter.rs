@@ -10,14 +10,15 @@ use osier_base::convert::{saturating_index, to_usize};
 use osier_base::math::narrow;
 use osier_base::rng::{self, Rng};
 
-/// The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and 2^32, cannot
-/// reach.
+/// Draw number of the choice, u64::MAX: statements number their draws from 0 and weights from 2^32, so that they never reach
+/// it.
 const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
 
-/// The streams from which the productions of all modules are drawn in one step. What does not depend on the module is mixed once.
+/// The streams from which the choices of productions are drawn in one step. The part of the address that all modules share
+/// is hashed once.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepChoices {
-    /// Key of the purpose.
+    /// Key of the draw purpose.
     key: u64,
     step: rng::ChildId,
 }
@@ -30,7 +31,7 @@ impl StepChoices {
     }
 }
 
-/// Purposes of random draws, by the part of a production that makes them.
+/// Purposes of random draws, for each part of a production that draws.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DrawPurposes {
     /// Statements, conditions and parameters of the successor.
@@ -41,36 +42,36 @@ pub(super) struct DrawPurposes {
 }
 
 impl DrawPurposes {
-    /// Statements, weights and choices draw from separate streams, so that one does not shift the others.
+    /// Separate purposes for statements, weights and choices, so that draws of one do not affect the others.
     pub fn of_productions() -> Self {
         Self { statement: DrawPurpose::Statement, weight: DrawPurpose::Weight, choice: DrawPurpose::Choice }
     }
 
-    /// Labels every draw with the same purpose.
+    /// One purpose for all draws.
     pub fn all(purpose: DrawPurpose) -> Self {
         Self { statement: purpose, weight: purpose, choice: purpose }
     }
 }
 
-/// The productions to apply, and how their draws and the modules they produce are labelled.
+/// The productions to apply, and how their draws and the modules they make are addressed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RewriteSettings<'p> {
     pub plan: &'p RewritePlan<'p>,
     pub purposes: DrawPurposes,
     /// Step of the draws; `None` for a homomorphism, whose draws do not change from step to step.
     pub step: Option<u32>,
-    /// Step that the modules made are born in.
+    /// Step of birth of the new modules.
     pub birth: u32,
-    /// Mixed into lineages; 0 = nothing.
+    /// Hashed into lineages; 0 for none.
     pub tag: u64,
     pub brackets: Brackets,
 }
 
-/// Modules after the current one that a predecessor of several modules may take, where they do not stand in the string.
+/// Modules after the current one that a predecessor of several modules may consume, if they are not in the string.
 #[derive(Debug)]
 pub(super) struct Followers {
     pub modules: ModuleString,
-    /// Where right contexts begin in the string.
+    /// Position in the string at which right contexts begin.
     pub context_from: usize,
 }
 
@@ -79,18 +80,18 @@ pub(super) struct Followers {
 pub(super) struct Rewriter<'p> {
     pub settings: RewriteSettings<'p>,
     pub vm: Vm,
-    /// Modules that a predecessor of several modules may take; `None`: those that follow in the string.
+    /// Modules that a predecessor of several modules may consume; `None` for those that follow in the string.
     pub followers: Option<Followers>,
-    /// Registers of each production; the first ones are its local variables.
+    /// Register file of each production, which begins with its local variables.
     files: Vec<RegisterFile>,
     /// Productions that apply to the current module.
     candidates: Vec<u32>,
     weights: Vec<f64>,
-    /// The part of a choice's address that is the same for all modules of a step.
+    /// A step, and the part of the address of its choices that all modules share.
     choice_step: Option<(u32, StepChoices)>,
     /// The string is rewritten from its end.
     pub is_backward: bool,
-    /// The new string while a production that reads it is selected.
+    /// The new string, while the productions that read it are tested.
     pub made: MadeString,
 }
 
@@ -114,7 +115,7 @@ impl<'p> Rewriter<'p> {
         plan.productions.iter().map(|p| p.registers.initial.clone()).collect()
     }
 
-    /// Continues with the productions of another L-system.
+    /// Switches to the productions of another L-system.
     pub fn change_plan(&mut self, plan: &'p RewritePlan<'p>) {
         if !std::ptr::eq(self.settings.plan, plan) {
             self.settings.plan = plan;
@@ -127,8 +128,8 @@ impl<'p> Rewriter<'p> {
         &self.settings.plan.productions[to_usize(production)]
     }
 
-    /// The production drawn for a module of lineage `h` in `step`, where those of its group compete under no condition. The
-    /// step is hashed once for all modules.
+    /// The production drawn for a module of lineage `h` in `step`, if those of its group compete without conditions; else
+    /// `None`. The step is hashed once for all modules.
     #[inline]
     pub fn draw_in_step(&mut self, group: GroupId, h: u64, step: u32) -> Option<u32> {
         let group = &self.settings.plan.groups[to_usize(group)];
@@ -144,7 +145,7 @@ impl<'p> Rewriter<'p> {
         group.productions.get(shares.pick(&mut choices.stream(h))).copied()
     }
 
-    /// The streams that choices of productions in `step` are drawn from.
+    /// The random streams for choices of productions in `step`.
     pub fn step_choices(&self, step: u32) -> StepChoices {
         let key = self.vm.streams.purpose_key(self.settings.purposes.choice);
         StepChoices { key, step: rng::ChildId::new(u64::from(step)) }
@@ -163,13 +164,13 @@ impl<'p> Rewriter<'p> {
         }
     }
 
-    /// Draws from here on are for `purpose` and belong to the module of lineage `h`.
+    /// Makes all draws from here on those of the module of lineage `h`, for `purpose`.
     #[inline]
     fn begin_draws(&mut self, purpose: DrawPurpose, h: u64) {
         self.vm.begin_draws(purpose, h, self.settings.step);
     }
 
-    /// Makes the parameters of a module the first local variables of a production.
+    /// Stores the parameters of a module in the first local variables of a production.
     #[inline]
     fn load_params(&mut self, production: u32, params: &[f32]) {
         let planned = self.planned(production);
@@ -183,7 +184,7 @@ impl<'p> Rewriter<'p> {
         planned.registers.load_outside(&self.vm, file);
     }
 
-    /// Evaluates the condition of a production; its local variables must be set.
+    /// Evaluates the condition of a production, whose local variables must be set.
     #[inline]
     fn condition_holds(&mut self, production: u32) -> Result<bool, Halt> {
         let planned = self.planned(production);
@@ -192,14 +193,14 @@ impl<'p> Rewriter<'p> {
         let value = match source {
             ValueSource::Constant(c) => c,
             ValueSource::Register(r) if planned.registers.run_condition(file) => file[usize::from(r)],
-            // A division by zero is found again, and reported, by the machine.
+            // The stack machine evaluates the condition again and reports the division by zero.
             ValueSource::Register(_) | ValueSource::Code(_) => self.vm.run(code, &mut file[..planned.locals])?,
         };
         Ok(!crate::code::is_zero(value))
     }
 
-    /// Tests a production with contexts or blocks at `module`, the module of index `at`. Local variables hold its parameters
-    /// afterwards if it applies. The block after the condition runs later, if the production is applied.
+    /// Tests a production with contexts or blocks on `module`, which has index `at`. If the production applies, its local
+    /// variables hold the matched parameters. The block after the condition runs later, when the production is applied.
     fn applies(
         &mut self,
         production: u32,
@@ -250,7 +251,7 @@ impl<'p> Rewriter<'p> {
         self.condition_holds(production)
     }
 
-    /// Runs the block after the condition of the production that is applied: those of the others have no effect.
+    /// Runs the block after the condition of the chosen production; those of the others have no effect.
     fn run_after(&mut self, production: u32) -> Result<(), Halt> {
         let planned = self.planned(production);
         if let Some(code) = &planned.source.after {
@@ -261,15 +262,15 @@ impl<'p> Rewriter<'p> {
         Ok(())
     }
 
-    /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged. `view` and
-    /// `at`: the string that contexts see, and the module's place in it.
+    /// Selects the production to apply to a module and sets its local variables; `None` if the module stays unchanged.
+    /// `view` and `at`: the string for context matching, and the module's index in it.
     #[inline]
     pub fn select(&mut self, module: Module<'_>, view: &ContextView<'_>, at: usize) -> Result<Option<u32>, Halt> {
         let Some(group) = self.settings.plan.group(module.symbol, module.params.len()) else { return Ok(None) };
         self.select_in_group(group, module, view, at)
     }
 
-    /// As [`Rewriter::select`], for a module whose group is known.
+    /// Like [`Rewriter::select`], for a module whose group is known.
     #[inline]
     pub fn select_in_group(
         &mut self,
@@ -303,7 +304,7 @@ impl<'p> Rewriter<'p> {
             }
             return Ok(None);
         }
-        // Stochastic L-system: a production is drawn among those that apply.
+        // Stochastic L-system: draw a production among those that apply.
         if let Some(shares) = &group.shares {
             let chosen = shares.pick(&mut self.choice_stream(module.lineage()));
             let p = group.productions[chosen];
@@ -327,7 +328,7 @@ impl<'p> Rewriter<'p> {
         self.applies(p, module, view, at)
     }
 
-    /// Sets the variables of a production that was drawn for a module.
+    /// Sets the local variables of a production that was drawn for a module.
     #[inline]
     pub fn take(&mut self, production: u32, module: Module<'_>) {
         if self.settings.plan.draws {
@@ -361,8 +362,8 @@ impl<'p> Rewriter<'p> {
         Ok(Some(production))
     }
 
-    /// The production to apply where all that apply compete by weight for the next number of cpfg, which every module takes;
-    /// local variables are set. Weights are computed right after their conditions, in file order.
+    /// Selects a production by weight with cpfg's next random number, which every module consumes, and sets its local
+    /// variables. Weights are computed directly after their conditions, in file order.
     pub fn select_by_number(
         &mut self,
         module: Module<'_>,
@@ -381,7 +382,7 @@ impl<'p> Rewriter<'p> {
             }
         }
         let number = self.vm.cpfg.as_mut().map_or(0.0, CpfgRandom::choice);
-        // cpfg computes with 32 bits here, which decides at the borders of the shares.
+        // cpfg computes this in single precision, which matters at the limits between productions.
         let total = self.weights.iter().fold(0.0_f32, |s, w| s + narrow(*w));
         let mut rest = narrow(f64::from(total) * number);
         for (k, weight) in self.weights.iter().enumerate() {
@@ -395,7 +396,7 @@ impl<'p> Rewriter<'p> {
         Ok(None)
     }
 
-    /// Weight of a production whose local variables are set; invalid ones are reported and count as 0.
+    /// Weight of a production whose local variables are set; an invalid one is reported and counts as 0.
     fn weight(&mut self, production: u32) -> Result<f64, Halt> {
         let p = self.planned(production);
         let weight = match p.weight {
@@ -405,11 +406,11 @@ impl<'p> Rewriter<'p> {
         if weight.is_nan() || weight < 0.0 {
             self.vm.warnings.add("L033", p.source.place, "negative or NaN weight counts as 0");
         }
-        // An invalid weight counts as 0, so that the others still form a distribution.
+        // Invalid weights count as 0, so that the others still form a distribution.
         Ok(if weight > 0.0 { weight } else { 0.0 })
     }
 
-    /// The stream that the choice of a production for the module of lineage `h` is drawn from.
+    /// The random stream for the choice of a production for the module of lineage `h`.
     #[inline]
     fn choice_stream(&self, h: u64) -> Rng {
         let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
@@ -422,7 +423,7 @@ impl<'p> Rewriter<'p> {
         let mut resume = None;
         for k in 0..self.candidates.len() {
             let production = self.candidates[k];
-            // Weights draw from a separate stream, so that their draws do not shift those of the successor.
+            // Weights draw from a separate stream, so that they do not affect the draws of the successor.
             if resume.is_none() && matches!(self.planned(production).weight, Weight::Code(_)) {
                 resume = Some(self.vm.save_draws());
                 self.begin_draws(self.settings.purposes.weight, h);
@@ -458,7 +459,7 @@ impl<'p> Rewriter<'p> {
         for parameter in &template.computed {
             let value = match (parameter.source, parameter.code) {
                 (ValueSource::Constant(c), _) => c,
-                // A division by zero is found again, and reported, by the machine.
+                // The stack machine evaluates the expression again and reports the division by zero.
                 (ValueSource::Register(_), Some(code)) if divides_by_zero => {
                     self.vm.run(code, &mut file[..planned.locals])?
                 }
@@ -472,7 +473,7 @@ impl<'p> Rewriter<'p> {
 
     /// Appends the successor of a production that [`Rewriter::select`] chose for the module of lineage `h`.
     pub fn append_successor(&mut self, production: u32, h: u64, out: &mut ModuleString) -> Result<(), Halt> {
-        // The tag separates the lineages of a homomorphism from those of the string that it draws.
+        // The tag makes lineages of a homomorphism differ from those of the string that it interprets.
         let h = if self.settings.tag == 0 { h } else { rng::child(h, self.settings.tag) };
         let planned = self.planned(production);
         let template = &planned.template;

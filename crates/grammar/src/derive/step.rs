@@ -1,4 +1,4 @@
-//! One step: all modules are rewritten at once, blocks of them in parallel.
+//! One derivation step, which rewrites all modules at once, in parallel blocks.
 
 use super::matching::{self, Brackets, ContextView};
 use super::plan::{RewritePlan, SectionPlans};
@@ -11,11 +11,11 @@ use crate::vm::Halt;
 use osier_base::limits::Limits;
 use osier_base::{convert, par};
 
-/// Modules of a block that one thread rewrites. Smaller blocks balance the threads better, larger ones cost fewer copies of
-/// the machine.
+/// Number of modules in a block, which one thread rewrites. Smaller blocks balance the threads better, larger ones need
+/// fewer copies of the stack machine.
 const BLOCK_MODULES: usize = 65_536;
 
-/// Range of the string that one thread rewrites, and what results from it.
+/// Range of the string that one thread rewrites, and the result.
 struct BlockTask {
     range: std::ops::Range<usize>,
     modules: ModuleString,
@@ -28,7 +28,7 @@ impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
         let plan = self.plans.rules.main();
-        // Matching brackets are only needed by productions with contexts; without them the table stays empty.
+        // Only productions with contexts need matched brackets; without them the table stays empty.
         let needs_partners = self.plans.rules.needs_partners();
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
@@ -59,19 +59,19 @@ impl<'g> Derivation<'g> {
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
         }
-        // Serial grammars see the effects of one module on the next (global variables, predecessors of several
-        // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
-        // Nor may blocks be rewritten beside each other if the limit on bytes could end the step: one pass sees it in time. While
-        // blocks are joined, they are there beside the string.
+        // Rewrite in one pass if the grammar is serial, that is, one module affects the next (global variables, predecessors
+        // of several modules); for short strings and on a single thread, where parallel blocks do not pay; and if the limit
+        // on bytes could end the step, because one pass detects that in time, while blocks need extra memory until they are
+        // joined.
         let may_pass = self.largest_result().saturating_mul(2) > budget.bytes;
         let in_one_pass = self.program.is_serial() || may_pass || n <= BLOCK_MODULES || par::threads() == 1;
         if !in_one_pass {
             // Every block begins with the state of the machine before the step. Random draws are addressed by lineage, not
-            // by order, so that the blocks give the string of a serial pass.
+            // by order, so that the blocks give the same string as a serial pass.
             let mut start = self.vm.clone();
             start.warnings.list.clear();
             let block = |i: usize| {
-                // Buffers of the step before are reused: touching fresh memory pages costs more than the rewriting itself.
+                // Reuse the buffers of the last step: touching fresh memory pages costs more than the rewriting itself.
                 let mut modules = self.block_buffers.pop().unwrap_or_else(|| self.string.empty());
                 modules.clear();
                 let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
@@ -86,8 +86,8 @@ impl<'g> Derivation<'g> {
                 block.vm = rewriter.vm;
                 block.halt = result.err();
             });
-            // All blocks together may pass the budget of statements where none does: one pass then ends at the same statement
-            // on any number of threads.
+            // All blocks together may exceed the limit on statements even if no single one does. One pass then ends at the
+            // same statement for any number of threads.
             let used = blocks.iter().fold(self.vm.statements, |sum, b| sum + b.vm.statements - start.statements);
             if used <= self.vm.statement_limit {
                 return self.join_blocks(blocks, budget);
@@ -102,15 +102,16 @@ impl<'g> Derivation<'g> {
         rewritten.map(|r| r.changed)
     }
 
-    /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
+    /// Settings of the main productions in one step, which addresses their draws and is the birth of the new modules.
     pub(super) fn rewrite_settings<'p>(&self, plan: &'p RewritePlan<'p>, step: u32) -> RewriteSettings<'p> {
         let purposes = DrawPurposes::of_productions();
         RewriteSettings { plan, purposes, step: Some(step), birth: step, tag: 0, brackets: self.brackets }
     }
 
-    /// Bytes that the next string takes at most: each module as the longest successor of its symbol.
+    /// Upper bound of the next string's size, bytes: each module counts as the longest successor of its symbol.
     fn largest_result(&self) -> usize {
-        // A module without parameters, with lineage and birth; every parameter and every end take four more.
+        // Bytes of a module: 2 for its symbol, 8 for its lineage, 4 for its birth, 4 for the end of its parameters; 4 for
+        // each parameter.
         let one = |modules: usize, params: usize| 18 * modules + 4 * params;
         let mut longest = vec![0_usize; self.program.symbols.len()];
         for p in &self.program.rules.list {
@@ -127,14 +128,14 @@ impl<'g> Derivation<'g> {
 
     /// Concatenates the rewritten blocks in order and merges their warnings and counters.
     fn join_blocks(&mut self, blocks: Vec<BlockTask>, budget: StringBudget) -> Result<bool, Halt> {
-        // Each block counted its statements from the same start; only the differences are added.
+        // Each block counted its statements from the same start, so that only the differences are added.
         let before = self.vm.statements;
         let mut changed = false;
         self.next_string.clear();
         for block in blocks {
             self.vm.warnings.merge(block.vm.warnings);
             self.vm.statements += block.vm.statements - before;
-            // The error of the first block in string order is reported, as a serial pass would report it.
+            // Report the error of the first block in string order, as a serial pass would.
             if let Some(halt) = block.halt {
                 return Err(halt);
             }
@@ -148,7 +149,7 @@ impl<'g> Derivation<'g> {
     }
 }
 
-/// What a string may become.
+/// Limits on the size of a string.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StringBudget {
     pub modules: usize,
@@ -156,13 +157,13 @@ pub(super) struct StringBudget {
 }
 
 impl StringBudget {
-    /// The limits `modules` and `string-bytes`; of the latter `held` bytes are taken by other strings.
+    /// The limits `modules` and `string-bytes`; other strings take `held` bytes of the latter.
     pub fn new(limits: &Limits, held: usize) -> Self {
         let bytes = convert::limit(limits.get("string-bytes")).saturating_sub(held);
         Self { modules: convert::limit(limits.get("modules")), bytes }
     }
 
-    /// Fails if `out` has more modules, bytes or parameters than it may have.
+    /// Fails if `out` exceeds the limits on modules, bytes or parameters.
     #[inline]
     pub fn check(self, out: &ModuleString) -> Result<(), Halt> {
         if out.len() > self.modules {
@@ -178,14 +179,14 @@ impl StringBudget {
     }
 }
 
-/// A string with sub-L-systems: the modules between two borders are rewritten by the productions of their L-system.
+/// Rewrites a string with sub-L-systems: the modules between two borders are rewritten by the productions of their L-system.
 struct SystemRuns<'p> {
     program: &'p Program,
     plans: &'p SectionPlans<'p>,
 }
 
 impl<'p> SystemRuns<'p> {
-    /// Rewrites a string run by run; whether any production was applied, and the machine afterwards.
+    /// Rewrites a string run by run; returns whether any production was applied, and the machine.
     fn rewrite(
         &self,
         mut rewriter: Rewriter<'p>,
@@ -200,14 +201,14 @@ impl<'p> SystemRuns<'p> {
         let mut changed = false;
         let (mut start, mut rewritten_to) = (0, 0);
         for run in systems.chunk_by(|a, b| a == b) {
-            // A predecessor of several modules may have taken the first modules of this run.
+            // A predecessor of several modules may have consumed the first modules of this run.
             let (from, end) = (rewritten_to.max(start), start + run.len());
             start = end;
             if from >= end {
                 continue;
             }
             let system = run.first().copied().unwrap_or(0);
-            // Each L-system has its productions and its list of symbols that contexts skip.
+            // Each L-system has its own productions and its own list of ignored symbols.
             rewriter.change_plan(self.plans.of(system));
             let view = view.of_system(&hidden, system);
             match rewrite_range(&mut rewriter, &view, from..end, out, budget) {
@@ -219,11 +220,11 @@ impl<'p> SystemRuns<'p> {
     }
 }
 
-/// A part of the string that was rewritten.
+/// Result of rewriting a part of the string.
 struct RewrittenRange {
-    /// Whether any production was applied.
+    /// True if any production was applied.
     changed: bool,
-    /// Index after its last module: a predecessor of several modules may reach beyond the end that was asked for.
+    /// Index after its last module, which may lie beyond the requested end after a predecessor of several modules.
     end: usize,
 }
 
@@ -238,7 +239,7 @@ fn rewrite_range(
     let plan = rewriter.settings.plan;
     let mut changed = false;
     let mut i = range.start;
-    // Modules without productions are copied run by run.
+    // Copy modules without productions in runs.
     let mut copied_to = i;
     while i < range.end {
         let symbol = view.modules.symbols()[i];
@@ -248,7 +249,7 @@ fn rewrite_range(
         }
         let module = view.modules.get(i);
         let selected = if plan.reads_made {
-            // The new string is complete up to this module and lent to the contexts that read it.
+            // The new string is complete up to this module: lend it to the contexts that read it.
             out.extend(view.modules, copied_to..i);
             copied_to = i;
             rewriter.made.lend(out, rewriter.settings.brackets);
@@ -278,15 +279,16 @@ fn rewrite_range(
     Ok(RewrittenRange { changed, end: i })
 }
 
-/// Rewrites all modules from the last to the first into `out`; true if any production was applied. Productions may look at what
-/// is made to the right of their module.
+/// Rewrites all modules from the last to the first into `out`; true if any production was applied. Productions may have
+/// contexts in the new string to the right of their module.
 fn rewrite_backward(
     rewriter: &mut Rewriter<'_>,
     view: &ContextView<'_>,
     out: &mut ModuleString,
     budget: StringBudget,
 ) -> Result<bool, Halt> {
-    // The new string is made from its end: brackets close before they open. It is there twice when it is turned around.
+    // The new string is made in reverse, so that closing and opening brackets exchange roles. While it is reversed at the
+    // end, two copies exist.
     let Brackets { open, close } = rewriter.settings.brackets;
     let turned = Brackets { open: close, close: open };
     let budget = StringBudget { bytes: budget.bytes / 2, ..budget };

@@ -1,5 +1,5 @@
-//! The final string as text. Strings without parameters are copied block by block; where in addition every module has one
-//! production, equal parts of the string are written once and copied from then on.
+//! The final string as text. Strings without parameters are copied block by block; if in addition every module has a single
+//! production, each repeated part is written once and copied from then on.
 
 use std::ops::{ControlFlow, Range};
 
@@ -8,10 +8,10 @@ use super::plan::{RewritePlan, Template};
 use crate::grammar::{Grammar, NumberTexts, write_module};
 use osier_base::convert::to_usize;
 
-/// Parts of a string (production and steps left) that are remembered; more of them are written anew.
+/// Limit on the parts (production and steps left) whose text is remembered; further ones are written again.
 const MAX_PARTS: usize = 1 << 20;
 
-/// Appends modules to a text in the notation of grammars, parameters with six digits.
+/// Sink that appends modules to a text in the notation of grammars, parameters with six digits.
 pub(super) struct TextSink<'g> {
     grammar: &'g Grammar,
     pub text: String,
@@ -19,7 +19,7 @@ pub(super) struct TextSink<'g> {
 }
 
 impl<'g> TextSink<'g> {
-    /// A sink for a string of about `modules` modules.
+    /// Creates a sink for a string of about `modules` modules.
     pub fn new(grammar: &'g Grammar, modules: u64) -> Self {
         let text = String::with_capacity(osier_base::convert::limit(modules));
         Self { grammar, text, numbers: NumberTexts::default() }
@@ -39,18 +39,18 @@ impl ModuleSink for TextSink<'_> {
     }
 }
 
-/// A part of the string that is being written.
+/// A part of the string whose text is being written.
 struct OpenPart<'p> {
-    /// The production that made it; `None`: the axiom.
+    /// The production that made it; `None` for the axiom.
     production: Option<usize>,
     template: &'p Template<'p>,
-    /// Derivation steps that still rewrite its active modules.
+    /// Number of derivation steps that still rewrite its active modules.
     left: u32,
-    /// Number of its active modules dealt with, in order.
+    /// Number of its active modules processed so far, in order.
     next: usize,
-    /// Number of its modules dealt with: written, or active and replaced by the part above it.
+    /// Number of its modules processed so far: written, or active and replaced by the part above it on the stack.
     written: usize,
-    /// Byte of the output at which its text begins; finished text is copied from there where it occurs again.
+    /// Byte of the output at which its text begins; the finished text is copied from there when it occurs again.
     start: usize,
 }
 
@@ -68,7 +68,7 @@ pub(super) fn repeated_text(plan: &RewritePlan<'_>, axiom: &Template<'_>, steps:
     let columns = to_usize(steps) + 1;
     let parts = plan.productions.len() * columns;
     let mut out = String::with_capacity(osier_base::convert::limit(modules));
-    // By production and number of steps left: where its text was written first.
+    // By production and number of steps left: range of the output where its text was first written.
     let mut known: Vec<Option<Range<usize>>> = vec![None; parts];
     let open = |production, template, left, start| OpenPart { production, template, left, next: 0, written: 0, start };
     let mut stack: Vec<OpenPart<'_>> = vec![open(None, axiom, steps, 0)];

@@ -1,5 +1,5 @@
-//! The final string as text, for L-systems without parameters whose productions compete by constant weights alone: nothing is
-//! computed but lineages and the productions drawn for them, and the text of each successor is copied.
+//! The final string as text, for L-systems without parameters whose productions compete only by constant weights: only
+//! lineages and the productions drawn for them are computed, and the text of each successor is copied.
 
 use super::depth_first::DepthFirst;
 use super::plan::{ActiveModule, RewritePlan, Template};
@@ -7,21 +7,21 @@ use super::rewriter::StepChoices;
 use crate::vm::Halt;
 use osier_base::convert::to_usize;
 
-/// True if no module has parameters and each is rewritten in the step after its birth, by its only production or by one drawn by
-/// constant weights, so that [`weighted_text`] writes the string.
+/// True if no module has parameters and each is rewritten in the step after its birth, by its only production or by one
+/// drawn by constant weights; [`weighted_text`] can then write the string.
 pub(super) fn is_drawn_by_weight(plan: &RewritePlan<'_>, axiom: &Template<'_>) -> bool {
     axiom.text.is_some()
         && plan.productions.iter().all(|p| p.template.text.is_some())
         && plan.groups.iter().all(|g| g.always.is_some() || g.shares.is_some())
 }
 
-/// Bytes that short pieces of text are copied with, whatever their length: a copy of constant size needs no call.
+/// Number of bytes copied for each short piece of text, whatever its length: a copy of constant size needs no function call.
 const SHORT: usize = 16;
 
 /// A piece of text, prepared to be appended many times.
 struct TextPiece<'p> {
     text: &'p str,
-    /// Its bytes, followed by zeros, if it is not longer.
+    /// Its bytes, padded with zeros, if it is not longer than [`SHORT`].
     padded: [u8; SHORT],
 }
 
@@ -48,7 +48,7 @@ impl<'p> TextPiece<'p> {
 struct DividedText<'p> {
     /// Text of all modules.
     whole: TextPiece<'p>,
-    /// Of each active module: the text between it and the active module before it.
+    /// Per active module: the text between the previous active module and this one.
     before: Vec<TextPiece<'p>>,
     /// Text after the last active module.
     rest: TextPiece<'p>,
@@ -79,17 +79,18 @@ struct DrawnProduction {
 
 /// A block of modules, made by one production, whose text is being written.
 struct OpenBlock {
-    /// Index of its text: that of its production, or the last one for the axiom.
+    /// Index of its text: that of its production, or the last index for the axiom.
     text: usize,
-    /// Step in which it was made; 0 for the axiom.
+    /// Step in which the block was made; 0 for the axiom.
     birth: u32,
-    /// Number of its active modules dealt with.
+    /// Number of its active modules processed so far.
     next: usize,
-    /// Start of its choices; they end with those of all blocks.
+    /// Start of its choices, which extend to the end of the list.
     choices: usize,
 }
 
-/// The choices for the modules of a block. All are drawn before the first is followed, so that their chains of hashes overlap.
+/// Draws the productions for the modules of a block. All are drawn before the first is followed, so that the processor
+/// overlaps the hash chains.
 fn draw<'a>(
     plan: &'a RewritePlan<'_>,
     step: &'a StepChoices,
@@ -107,8 +108,8 @@ fn draw<'a>(
     })
 }
 
-/// The text of the final string of a derivation that [is drawn by weight](is_drawn_by_weight), with capacity for `expected`
-/// modules from the beginning; the counts of `run` are those of the derivation afterwards.
+/// The text of the final string of a derivation that [is drawn by weight](is_drawn_by_weight). Reserves memory for
+/// `expected` modules; afterwards the counts of `run` are those of the derivation.
 /// # Errors
 /// `Modules` and `Work` beyond the limits of the job.
 pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result<String, Halt> {
@@ -116,7 +117,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
     let templates = || plan.productions.iter().map(|p| &p.template).chain([&run.axiom]);
     let Some(texts) = templates().map(DividedText::new).collect::<Option<Vec<_>>>() else { return Ok(String::new()) };
     let templates: Vec<&Template<'_>> = templates().collect();
-    // The tables by which the productions of each step are chosen.
+    // The random streams for the choices of each step.
     let steps: Vec<StepChoices> = (1..=length).map(|step| run.rewriter.step_choices(step)).collect();
     let mut out: Vec<u8> = Vec::with_capacity(expected + SHORT);
     // The axiom is the first open block; its lineages are known.
@@ -141,7 +142,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
             let choice = choices[block.choices + block.next];
             block.next += 1;
             before.append_to(&mut out);
-            // What the production makes: text that stays as it is, or a block whose modules are rewritten in the next step.
+            // The production makes either constant text, or a block whose modules are rewritten in the next step.
             let production = to_usize(choice.production);
             let template = templates[production];
             run.counts.count_production(choice.production, step, template.symbols.len());
@@ -158,7 +159,8 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
             run.rewriter.begin_step(step, &[]);
             return Err(if run.counts.modules > job.max_modules { Halt::Modules } else { Halt::Work });
         }
-        // Open the block of the production, with the choices of its modules; or close this one after its last module.
+        // Open the block that the production made, with the choices for its modules; or close this block after its last
+        // module.
         match opened {
             Some(DrawnProduction { lineage: parent, production }) => {
                 let production = to_usize(production);

@@ -1,4 +1,5 @@
-//! Writes a grammar of another program in the notation of cpfg, or in osier's own with the turtle of that program.
+//! Writes a grammar of another program in the notation of cpfg, or in osier's own notation with the turtle dialect of that
+//! program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -17,30 +18,30 @@ use osier_base::diagnostic::Diagnostic;
 pub enum ConvertTo {
     /// The notation and the commands of cpfg.
     Cpfg,
-    /// The notation of osier, with the turtle of the other program where it has one.
+    /// The notation of osier, with the turtle dialect of the other program if there is one.
     Osier,
 }
 
 /// Text of a converted grammar, with notes on what the notation cannot express.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Converted {
-    /// Text of a grammar file; of a grammar in the notation of cpfg, the unchanged file.
+    /// Text of a grammar file; for a grammar in the notation of cpfg, the unchanged file.
     pub text: String,
-    /// Differences in what the text draws, such as widths; empty if it draws the same.
+    /// Differences in the drawing, such as widths; empty if the text draws the same.
     pub notes: Vec<String>,
 }
 
-/// Colours that `<` and `>` of Fractint may step over at once.
+/// Limit on the colours that one `<` or `>` of Fractint may step over.
 const MAX_COLOR_STEPS: u32 = 32;
 
-/// Writes a grammar as text that draws the same. A grammar in the notation of cpfg is copied, one of L-Py is written for cpfg
-/// whatever `to` is.
+/// Writes a grammar as text that draws the same. A grammar in the notation of cpfg is copied; a grammar of L-Py is written
+/// for cpfg even if `to` is osier.
 /// # Errors
-/// `Input` with L061 for each command that the notation has no words for.
+/// `Input` with L061 for each command that the target notation cannot express.
 pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     let dialect = grammar.program.turtle.as_ref().map_or(Dialect::Cpfg, |t| t.dialect);
     if matches!(grammar.notation(), Notation::Cpfg | Notation::Abop | Notation::Catkin) {
-        // The file itself; what it includes stays where it is.
+        // Copy the file itself; its includes are not copied.
         let text = grammar.sources.text(grammar.start.span.source).to_owned();
         return Ok(Converted { text, notes: Vec::new() });
     }
@@ -48,7 +49,7 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     let mut writer = Writer::new(grammar, dialect, to);
     writer.check_arguments();
     writer.check_settings();
-    // A roll at the end of a line would join it to the next one.
+    // A backslash (roll) at the end of a line would join the next line to it.
     let text = writer.grammar_text().replace("\\\n", "\\ \n");
     if !grammar.palette().is_empty() {
         writer
@@ -60,13 +61,13 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
                     leaves it out";
         writer.notes.insert(note.into());
     }
-    // In cpfg's notation a string that branches is a tree and no drawing; the only brackets of Fractint are those of branches.
+    // In cpfg's notation a branching string is drawn as wood, not as lines; Fractint uses brackets only for branches.
     if to == ConvertTo::Cpfg && dialect == Dialect::Fractint && writer.has_branches() {
         let note = "lines that branch become wood: branches thin outwards, and the first one widens at its foot and goes on into the \
                     ground; skin.flare = 0 and skin.bury = 0 in a scene end it where it begins, as thick as it is";
         writer.notes.insert(note.into());
     }
-    // The text does not tell that its widths are those of another program.
+    // The text does not say that its widths are those of another program.
     if to == ConvertTo::Cpfg && matches!(dialect, Dialect::LParser | Dialect::LPy) {
         let note = "osier widens a stem at its foot and continues it into the ground; skin.flare = 0 and skin.bury = 0 in a scene \
                     end it where it begins, as thick as it is";
@@ -79,12 +80,12 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
 }
 
-/// How the symbols that their own homomorphism makes are spelled below the first level of an interpretation.
+/// Spelling of symbols that homomorphisms produce and expand again, below the first level of an interpretation.
 #[derive(Debug, Clone)]
 struct Level {
-    /// The letter of each such symbol.
+    /// The letter that replaces each such symbol.
     letters: BTreeMap<SymbolId, String>,
-    /// The last parameter of a module with such a letter: its level.
+    /// The last parameter of a module with such a letter, which is its level.
     number: &'static str,
 }
 
@@ -96,21 +97,21 @@ struct Writer<'g> {
     /// Spelling of each symbol in the target notation.
     names: BTreeMap<SymbolId, String>,
     taken: BTreeSet<char>,
-    /// Homomorphisms that draw a symbol of the other program by commands of cpfg.
+    /// Homomorphisms that draw symbols of the other program by commands of cpfg.
     images: Vec<String>,
-    /// Set while the successor of a homomorphism is written whose modules are expanded again.
+    /// Set while writing the successor of a homomorphism whose modules are expanded again.
     level: Option<Level>,
     faults: Vec<Diagnostic>,
     notes: BTreeSet<String>,
 }
 
-/// A module of a string, and the texts of the numbers between the parentheses after it.
+/// A module of a string, and the texts of the numbers in parentheses after it.
 struct NumberedModule<'m> {
     module: &'m SuccessorModule,
     numbers: Vec<String>,
 }
 
-/// A module with its parameters as text, after numbers are attached to their commands.
+/// A module with its parameters as text, including the numbers of LParser's commands.
 #[derive(Debug, Clone)]
 struct TextModule {
     symbol: SymbolId,
@@ -120,20 +121,21 @@ struct TextModule {
 impl<'g> Writer<'g> {
     fn new(grammar: &'g Grammar, dialect: Dialect, to: ConvertTo) -> Self {
         let settings = grammar.program.turtle.as_ref().map(|t| t.settings).unwrap_or_default();
-        // Letters of commands that images consist of.
+        // Letters of the commands that images use.
         let taken = "FfGgDidvMRObcoTspl".chars().collect();
         let (names, images, faults, notes) = (BTreeMap::new(), Vec::new(), Vec::new(), BTreeSet::new());
         Self { grammar, dialect, to, settings, names, taken, images, level: None, faults, notes }
     }
 
-    /// Whether the axiom or a successor holds a branch.
+    /// True if the axiom or a successor contains a branch.
     fn has_branches(&self) -> bool {
         let program = &self.grammar.program;
         let successors = program.rules.list.iter().map(|p| &p.successor);
         std::iter::once(&program.axiom).chain(successors).any(|list| list.iter().any(|m| self.c(m.symbol) == '['))
     }
 
-    /// Whether the strings of a model of L-Py with an interpretation may hold a `%`, after which it draws nothing.
+    /// True if the strings of an L-Py model with an interpretation may contain a `%`, after which the interpretation draws
+    /// nothing.
     fn interprets_cuts(&self) -> bool {
         let program = &self.grammar.program;
         let made = program.rules.list.iter().chain(&program.decomposition.list).map(|p| &p.successor);
@@ -164,7 +166,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// L061 for each parameter of a module that has no text in the notation of cpfg, at the place of the module.
+    /// L061, at the place of the module, for each parameter that cannot be written in the notation of cpfg.
     fn check_arguments(&mut self) {
         let program = &self.grammar.program;
         for modules in [&program.axiom].into_iter().chain(program.productions().map(|p| &p.successor)) {
@@ -179,7 +181,7 @@ impl<'g> Writer<'g> {
             }
             for NumberedModule { module, numbers } in numbered {
                 for number in numbers {
-                    // A number belongs to what rules make of the symbol before it, but a parameter is a part of its module.
+                    // A number after a rewritten symbol belongs to its successor, but a parameter is a part of its module.
                     let is_replaced = program.rules.matching(module.symbol, 0).next().is_some();
                     if number.parse::<f64>().is_err() {
                         self.argument_fault(module, 0, &format!("'{number}' is no number"));
@@ -191,7 +193,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// L061 for a recursion that is no whole number, since cpfg draws whole steps; a note on the least thickness.
+    /// L061 for a fractional recursion, since cpfg draws whole steps; a note about the smallest thickness.
     fn check_settings(&mut self) {
         if self.to != ConvertTo::Cpfg {
             return;
@@ -207,7 +209,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// L061 at a module whose parameter `index` has no text in the notation of cpfg.
+    /// L061 at a module whose parameter `index` cannot be written in the notation of cpfg.
     fn argument_fault(&mut self, module: &SuccessorModule, index: usize, why: &str) {
         let shown = self.shown(module.symbol);
         let number = index + 1;
@@ -219,7 +221,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// L061 at a production whose contexts skip other symbols than those of other productions.
+    /// L061 at a production whose contexts skip other symbols than those of the other productions.
     fn list_fault(&mut self, p: &Production) {
         let message = "this production cannot be written in the notation of cpfg: it has another list of 'ignore:' or \
                        'consider:' than others with contexts";
@@ -230,7 +232,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// L061 at a parenthesis of LParser that holds no whole number of a command of its rule.
+    /// L061 at a parenthesis of LParser without a number, or without a command in the same rule that takes it.
     fn parenthesis_fault(&mut self, parenthesis: &SuccessorModule) {
         let shown = self.shown(parenthesis.symbol);
         let message = format!(
@@ -250,8 +252,8 @@ impl<'g> Writer<'g> {
         out
     }
 
-    /// Modules with the texts of the numbers after them, which in files of LParser are characters of the string; and the first
-    /// parenthesis that stands after no module or lacks its partner.
+    /// Modules with the texts of the numbers after them, which are characters of the string in LParser; and the first
+    /// parenthesis that follows no module or has no partner.
     fn with_numbers<'m>(
         &self,
         modules: &'m [SuccessorModule],
@@ -286,7 +288,7 @@ impl<'g> Writer<'g> {
         (out, loose.or(open.map(|(parenthesis, _)| parenthesis)))
     }
 
-    /// Modules with their parameters as text, numbers of LParser among them.
+    /// Modules with their parameters as text, including the numbers of LParser's commands.
     fn attached(&self, modules: &[SuccessorModule]) -> Vec<TextModule> {
         let (numbered, _) = self.with_numbers(modules);
         let text = |m: NumberedModule<'_>| {
@@ -297,7 +299,7 @@ impl<'g> Writer<'g> {
         numbered.into_iter().map(text).collect()
     }
 
-    /// The number of a command of LParser. For cpfg, lengths in units of the file become lengths of which a step has 1.
+    /// The number of a command of LParser. For cpfg, lengths are divided by the file's unit, so that a step has length 1.
     fn number_text(&self, symbol: SymbolId, text: &str) -> String {
         let is_length = self.to == ConvertTo::Cpfg && matches!(self.c(symbol), 'F' | 'f' | 'g' | 'Z' | 'z');
         match (self.settings.unit.filter(|_| is_length), text.parse::<f64>()) {
@@ -306,7 +308,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// Spellings of all symbols, and what draws them.
+    /// Chooses the spelling of all symbols, and writes the homomorphisms that draw them.
     fn spell_symbols(&mut self) {
         let mut used: BTreeMap<SymbolId, BTreeSet<usize>> = BTreeMap::new();
         for m in self.all_modules() {
@@ -328,8 +330,8 @@ impl<'g> Writer<'g> {
                 used.entry(*symbol).or_default();
             }
         }
-        // Commands first: letters of the model give way to them.
-        // Arities matter: a command without and with a number may need two homomorphisms.
+        // Spell commands first, so that other symbols avoid their letters. A command used with and without a number may need
+        // two homomorphisms.
         let mut rest = Vec::new();
         for (symbol, arities) in used {
             let spelled = match self.to {
@@ -350,11 +352,11 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// A letter that nothing else has: the symbol itself, the first letters of its name, then any.
+    /// An unused letter: the symbol itself, else the first free letter of its name, else any.
     fn free_letter(&mut self, symbol: SymbolId) -> char {
         let shown = self.shown(symbol);
         let usable = |c: &char| c.is_ascii_alphanumeric();
-        // Letters of Fractint have no case.
+        // Fractint does not distinguish upper and lower case.
         let in_order = |c: char| {
             if self.dialect == Dialect::Fractint { [c.to_ascii_uppercase(), c] } else { [c, c.to_ascii_uppercase()] }
         };
@@ -365,10 +367,11 @@ impl<'g> Writer<'g> {
         found
     }
 
-    /// With the turtle of the other program commands keep their signs, but for those that the notation needs itself.
+    /// The spelling of a command for the turtle dialect of the other program: its own character, unless the notation
+    /// reserves it.
     fn osier_name(&mut self, symbol: SymbolId) -> Option<String> {
         let c = self.c(symbol);
-        // Signs that the notation reserves are replaced by those that the turtle of the program reads in their place.
+        // Replace reserved characters by those that the turtle dialect accepts instead.
         let name = match (self.dialect, c) {
             (Dialect::Fractint, '<') => ';',
             (Dialect::Fractint, '>') => ',',
@@ -387,7 +390,7 @@ impl<'g> Writer<'g> {
         Some(name.to_string())
     }
 
-    /// The sign of a command in cpfg; a symbol that cpfg has no command for gets a letter, and a homomorphism that draws it.
+    /// The command of cpfg for a symbol; a symbol without one gets a letter and a homomorphism that draws it.
     fn cpfg_name(&mut self, symbol: SymbolId, arities: &BTreeSet<usize>) -> Option<String> {
         let c = self.c(symbol);
         if matches!(c, '[' | ']') {
@@ -400,7 +403,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// A letter for the symbol, drawn by `image` for each number of parameters `a`, `b`, ..
+    /// Chooses a letter for the symbol, drawn by `image` for each number of parameters `a`, `b`, ..
     fn image(
         &mut self,
         symbol: SymbolId,
@@ -431,7 +434,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// A turn that keeps its sign; without a number it turns by the angle of the file.
+    /// A rotation command that keeps its character; without a number it rotates by the angle of the file.
     fn turn(&mut self, sign: &str, angle: f64, arities: &BTreeSet<usize>) -> Option<String> {
         if arities.contains(&0) {
             self.images.push(format!("{sign} --> {sign}({angle})"));
@@ -441,10 +444,11 @@ impl<'g> Writer<'g> {
 
     fn fractint_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
         let angle = self.settings.angle_deg.unwrap_or(45.0);
-        // Fractint turns in whole units of the angle: '|' turns by half of them, rounded down.
+        // Fractint rotates by whole units of the angle: '|' rotates by half of the units of a circle, rounded down.
         let half = (360.0 / angle).round().div_euclid(2.0).floor() * angle;
         let uses = |list: &str| list.chars().any(|c| self.grammar.program.symbols.find(c).is_some());
-        // cpfg has one direction: that of the pointer by which the file moves. Turns of the other pointer have no effect.
+        // cpfg has one heading: use that of Fractint's two pointers by which the file moves. Rotations of the other pointer
+        // have no effect.
         let (by_units, by_degrees) = (uses("fg"), uses("dm"));
         let both = by_units && by_degrees && uses("+-|/\\");
         if both && matches!(c, 'd' | 'm' | '/' | '\\') {
@@ -475,7 +479,7 @@ impl<'g> Writer<'g> {
                 if arities.contains(&0) {
                     self.images.push(format!("{letter} --> *"));
                 }
-                // One rule for each step that the file makes.
+                // Write one rule for each step size in the file.
                 let steps: BTreeSet<u32> = self
                     .all_modules()
                     .iter()
@@ -509,7 +513,7 @@ impl<'g> Writer<'g> {
         if factors && with_length {
             self.fault(symbol, "the file gives it a length of its own beside factors of the length");
         }
-        // Polygons of LParser have their first corner where they begin, and none at the ends of segments, as cpfg's `G` has none.
+        // The first corner of an LParser polygon is its starting point, and segments add no corners, like cpfg's `G`.
         let draws = if find('{').is_some() { 'G' } else { 'F' };
         match c {
             'F' => Some(draws.to_string()),
@@ -521,7 +525,7 @@ impl<'g> Writer<'g> {
                 self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
             }
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
-            // The rolls of the two programs have opposite senses.
+            // Roll commands of the two programs have opposite directions.
             '<' => self.turn("/", angle, arities),
             '>' => self.turn("\\", angle, arities),
             '%' => self.image(symbol, arities, |_| Some("\\(180)".into())),
@@ -550,20 +554,20 @@ impl<'g> Writer<'g> {
 
     fn lpy_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
         let angle = self.settings.angle_deg.unwrap_or(60.0);
-        // Symbols with long names are private characters, which no file can spell.
+        // Symbols with long names are private-use characters, which no file can contain.
         if let Some(long) = self.grammar.program.symbols.long_name(c) {
             let long = long.to_owned();
             return self.lpy_long_name(symbol, &long, arities);
         }
         match c {
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
-            // The rolls of the two programs have opposite senses.
+            // Roll commands of the two programs have opposite directions.
             '/' => self.turn("\\", angle, arities),
             '\\' => self.turn("/", angle, arities),
             '|' | '{' | '}' | '.' | ';' | ',' | '%' => Some(c.to_string()),
             'f' => Some("g".into()),
             'F' => {
-                // L-Py gives radii, cpfg widths.
+                // L-Py specifies radii, cpfg widths.
                 if arities.contains(&2) {
                     self.images.push("F(a,b) --> F(a) !(2*(b))".into());
                 }
@@ -604,8 +608,8 @@ impl<'g> Writer<'g> {
         if name.starts_with("@D") {
             self.notes.insert("widths do not follow scales that are set behind them".into());
         }
-        // What the command is in the notation of cpfg, with its parameters named a, b, .. Sizes are radii here, diameters there; the
-        // axes (x, y, z) become (x, z, -y). Commands that draw nothing become nothing.
+        // The command in the notation of cpfg, with its parameters named a, b, .. L-Py specifies radii where cpfg specifies
+        // diameters; the axes (x, y, z) become (x, z, -y). Commands that draw nothing become empty.
         let image = move |n: usize| -> Option<String> {
             Some(match (name, n) {
                 ("@O", 0) => "@O".into(),
@@ -645,7 +649,7 @@ impl<'g> Writer<'g> {
 
     fn string(&mut self, modules: &[SuccessorModule]) -> String {
         let attached = self.attached(modules);
-        // A line ends only where its braces are closed.
+        // Braces must be balanced in each line.
         let braces = |c: char| attached.iter().filter(|m| self.c(m.symbol) == c).count();
         if braces('{') != braces('}')
             && let Some(m) = attached.iter().find(|m| matches!(self.c(m.symbol), '{' | '}'))
@@ -662,7 +666,7 @@ impl<'g> Writer<'g> {
         spelled.collect::<Vec<_>>().join(" ")
     }
 
-    /// The empty successor: `*` in cpfg, nothing with a `turtle:`.
+    /// The successor as text; an empty one is `*` in cpfg, and nothing with a `turtle:` item.
     fn successor(&mut self, modules: &[SuccessorModule]) -> String {
         let text = self.string(modules);
         if text.is_empty() && self.to == ConvertTo::Cpfg { "*".into() } else { text }
@@ -690,7 +694,8 @@ impl<'g> Writer<'g> {
         format!("{head} --> {successor}").trim_end().to_owned()
     }
 
-    /// A production up to its arrow. `at`: it is for the letter of its symbol, on levels below that number.
+    /// A production up to its arrow. `at`: replacement letter of the predecessor, and the level below which the production
+    /// applies.
     fn production_head(&mut self, p: &Production, at: Option<(&str, u32)>) -> String {
         let mut out = String::new();
         if let Some(ContextElement::Module(f)) = p.new_left.first().or(p.new_right.first()) {
@@ -721,7 +726,7 @@ impl<'g> Writer<'g> {
             (Some((_, levels)), Some(Some(condition))) => Some(Some(format!("{LEVEL}<{levels} && {condition}"))),
             (_, condition) => condition,
         };
-        // A block or condition without text, `Some(None)`, cannot be written.
+        // `Some(None)` is a block or condition that cannot be written.
         match (before, condition) {
             (None, None) => {}
             (None, Some(Some(condition))) => {
@@ -743,7 +748,7 @@ impl<'g> Writer<'g> {
         let word = self.grammar.notation().word();
         let label: String = self.grammar.label().chars().filter(|c| c.is_alphanumeric() || *c == ' ').collect();
         let mut out = format!("/* {} */\n", format!("{} (from {word})", label.trim()).trim());
-        // One comment for each symbol that got another name; symbols of one character need none.
+        // Add a comment for each symbol with another name; symbols of one character need none.
         for (symbol, name) in &self.names {
             let shown = self.shown(*symbol);
             if shown != *name && shown.chars().count() > 1 {
@@ -751,7 +756,7 @@ impl<'g> Writer<'g> {
             }
         }
         let _ = writeln!(out, "Lsystem: 1\nderivation length: {}", program.length);
-        // The notation of osier keeps the turtle of the other program, with its settings.
+        // The notation of osier keeps the turtle dialect of the other program, with its settings.
         if self.to == ConvertTo::Osier {
             let settings = self.settings;
             let turtle = if self.dialect == Dialect::LParser { "lparser" } else { "fractint" };
@@ -799,7 +804,7 @@ impl<'g> Writer<'g> {
         }
         if !program.homomorphism.list.is_empty() || !self.images.is_empty() {
             let own = if program.homomorphism.list.is_empty() { 0 } else { program.homomorphism.depth };
-            // The images are interpreted after the homomorphisms of the model, one level deeper.
+            // Images are applied after the homomorphisms of the model, one level deeper.
             let depth = own + u32::from(!self.images.is_empty());
             let _ = writeln!(out, "Homomorphism\nmaximum depth: {depth}");
             for line in self.homomorphisms(own) {
@@ -812,9 +817,10 @@ impl<'g> Writer<'g> {
         out + "endlsystem\n"
     }
 
-    /// The homomorphisms of the model, which expand a symbol `levels` times. The images need one level more, in which a symbol
-    /// that its own homomorphism makes would be expanded again. Such symbols get a letter with the level as their last parameter:
-    /// what is not expanded on its level, or has the last one, is drawn as the symbol itself.
+    /// The homomorphisms of the model, which expand a symbol at most `levels` times. The images need a further level, on
+    /// which symbols that their own homomorphisms produce would be expanded again. Such symbols are replaced by a letter
+    /// with the level as its last parameter: if it is not expanded on its level, or is on the last level, it is drawn as the
+    /// symbol itself.
     fn homomorphisms(&mut self, levels: u32) -> Vec<String> {
         let list = &self.grammar.program.homomorphism.list;
         let heads: BTreeSet<SymbolId> = list.iter().filter_map(|p| p.predecessor.first()).map(|f| f.symbol).collect();
@@ -826,14 +832,14 @@ impl<'g> Writer<'g> {
         let letters: BTreeMap<SymbolId, String> =
             again.iter().map(|s| (*s, self.free_letter(*s).to_string())).collect();
         let mut out = Vec::new();
-        // The symbols of the string make letters of the first level.
+        // Homomorphisms of the string's symbols produce letters of the first level.
         for p in list {
             let head = self.production_head(p, None);
             self.level = Some(Level { letters: letters.clone(), number: "1" });
             out.push(format!("{head} --> {}", self.successor(&p.successor)).trim_end().to_owned());
             self.level = None;
         }
-        // Letters make letters of the next level.
+        // Homomorphisms of the letters produce letters of the next level.
         for p in list.iter().filter(|_| levels > 1) {
             let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
             let Some(letter) = letters.get(&symbol) else { continue };
@@ -842,7 +848,7 @@ impl<'g> Writer<'g> {
             out.push(format!("{head} --> {}", self.successor(&p.successor)).trim_end().to_owned());
             self.level = None;
         }
-        // A symbol that no production expands becomes its image, else its command.
+        // A letter that no production expands becomes the symbol's image, or else its command.
         for (symbol, letter) in &letters {
             let own = self.name(*symbol).to_owned();
             let arities: BTreeSet<usize> = made.iter().filter(|m| m.symbol == *symbol).map(|m| m.args.len()).collect();
@@ -857,7 +863,7 @@ impl<'g> Writer<'g> {
         out
     }
 
-    /// Commands that give cpfg's turtle the initial direction, colour and width of the turtle of the other program.
+    /// Commands that set the initial direction, colour and width of the other program's turtle in cpfg.
     fn beginning(&self) -> String {
         match (self.to, self.dialect) {
             (ConvertTo::Cpfg, Dialect::Fractint) => "-(90) ;(15) ".into(),
@@ -870,7 +876,7 @@ impl<'g> Writer<'g> {
     }
 }
 
-/// `A(a,b)` with as many letters as parameters.
+/// A module with as many letters as parameters, such as `A(a,b)`.
 fn with_letters(name: &str, n: usize) -> String {
     let letters: Vec<String> = ('a'..='z').take(n).map(String::from).collect();
     if letters.is_empty() { name.to_owned() } else { format!("{name}({})", letters.join(",")) }
@@ -884,7 +890,7 @@ fn local(slot: u16) -> String {
     format!("p{slot}")
 }
 
-/// A parameter as text; empty where it cannot be written, which [`Writer::check_arguments`] reports.
+/// A parameter as text; empty if it cannot be written, which [`Writer::check_arguments`] reports.
 fn argument(e: &Expr) -> String {
     match e {
         Expr::Const(c) => format!("{c}"),
@@ -893,7 +899,7 @@ fn argument(e: &Expr) -> String {
     }
 }
 
-/// Why a parameter has no text; `None` if it has one.
+/// The reason why a parameter cannot be written; `None` if it can.
 fn unwritable(e: &Expr) -> Option<&'static str> {
     match e {
         Expr::Const(c) if !c.is_finite() => Some("it is infinite or not a number"),
@@ -916,7 +922,7 @@ fn expression(ops: &[Op]) -> Option<String> {
     stack.pop().filter(|_| stack.is_empty())
 }
 
-/// Runs instructions `from` to `to` on a stack of texts.
+/// Interprets instructions `from` to `to` on a stack of texts.
 fn run(ops: &[Op], from: usize, to: usize, stack: &mut Vec<String>) -> Option<()> {
     let mut i = from;
     while i < to {
@@ -957,7 +963,7 @@ fn run(ops: &[Op], from: usize, to: usize, stack: &mut Vec<String>) -> Option<()
                 stack.push(format!("({left} {sign} {right})"));
                 i = end;
             }
-            // Both sides of `&&` and `||` are truth values already.
+            // The operands of `&&` and `||` are truth values already.
             Op::Bool => {}
             Op::JumpIfZero(other) => {
                 let condition = stack.pop()?;
@@ -976,15 +982,15 @@ fn run(ops: &[Op], from: usize, to: usize, stack: &mut Vec<String>) -> Option<()
     Some(())
 }
 
-/// Assignments and conditions of a block as statements; `None` if random numbers must be the same for several productions.
+/// Assignments and conditions of a block as statements; `None` if several productions must draw the same random numbers.
 fn block(code: &Bytecode) -> Option<String> {
     let ops = &code.ops;
     let restarts = ops.contains(&Op::RestartDraws);
     if restarts && ops.iter().any(|op| matches!(op, Op::Random(_))) {
         return None;
     }
-    // A block with conditions ends in: 1, store, jump, 0, store; conditions that fail jump to the 0.
-    // The index of that 0.
+    // Index of the 0 near the end of a block with conditions, which ends in: 1, store, jump, 0, store. A false condition
+    // jumps to this 0.
     let failure = restarts.then(|| ops.len().saturating_sub(2));
     let (mut out, mut open) = (String::new(), 0_usize);
     let mut from = usize::from(restarts);

@@ -1,30 +1,30 @@
-//! What a file is, by its content and then by the ending of its name.
+//! Detects the kind of a file from its content and then from its filename extension.
 
 use super::lparser;
 use super::text::{Piece, decode, lines};
 use crate::notation::Notation;
 
-/// What a file contains, judged by its text and its name.
+/// Kind of a file, determined from its text and its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// A grammar that can be read, in the notation whose marks it has.
+    /// A readable grammar in the detected notation.
     Grammar(Notation),
-    /// Rules as Houdini writes them, one on each line.
+    /// Rules in the notation of Houdini, one on each line.
     Houdini,
-    /// Nothing that a grammar would contain.
+    /// A file without any sign of a grammar.
     Other,
 }
 
-/// Bytes of a file that are looked at: the heading of a grammar lies within them.
+/// Number of bytes inspected at the beginning of a file, which contain the heading of a grammar.
 const LOOKED_AT: usize = 1 << 20;
 
-/// Determines the kind of a file from its content, and where that is not decisive from the ending of its name (`.l` cpfg, `.ls`
-/// LParser, `.lpy` L-Py).
+/// Determines the kind of a file from its content, or if that is not decisive from its extension (`.l` cpfg, `.ls` LParser,
+/// `.lpy` L-Py).
 pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     let decoded = decode(&bytes[..bytes.len().min(LOOKED_AT)]);
     let text = decoded.text.as_str();
     let ending = name.rsplit_once('.').map_or_else(String::new, |(_, e)| e.to_ascii_lowercase());
-    // Marks of cpfg and of L+C come first: they stand in no other notation.
+    // Check for cpfg and L+C first: their headings occur in no other notation.
     if has_line(text, is_cpfg_heading) || has_line(text, is_l_plus_c) || ends_as_l_plus_c(text) {
         return FileKind::Grammar(Notation::Cpfg);
     }
@@ -34,7 +34,8 @@ pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     if is_lpy(text, ending == "lpy") {
         return FileKind::Grammar(Notation::LPy);
     }
-    // LParser before the arrow, which its commands may spell: `[--->F]`. A comment or title of a scene may contain both.
+    // Check for LParser before the arrow `-->`, which its commands may contain: `[--->F]`. A comment or title of a scene may
+    // contain both.
     if ending != "toml" && is_lparser(text) {
         return FileKind::Grammar(Notation::LParser);
     }
@@ -56,24 +57,24 @@ fn has_line(text: &str, test: impl Fn(&str) -> bool) -> bool {
     lines(text).any(|l| test(l.text.trim()))
 }
 
-/// `Lsystem: ..` or `ring Lsystem: ..`, in any case.
+/// True for `Lsystem: ..` or `ring Lsystem: ..`, in upper or lower case.
 fn is_cpfg_heading(line: &str) -> bool {
     let line = strip_word(line, "ring").map_or(line, str::trim_start);
     strip_word(line, "lsystem").is_some_and(|rest| rest.trim_start().starts_with(':'))
 }
 
-/// The rest of a line that begins with `word`, in any case.
+/// The rest of a line that begins with `word`, in upper or lower case.
 fn strip_word<'t>(line: &'t str, word: &str) -> Option<&'t str> {
     let (begin, rest) = line.split_at_checked(word.len())?;
     begin.eq_ignore_ascii_case(word).then_some(rest)
 }
 
-/// A line of L+C, such as `module A(float);`: its file counts as cpfg, whose reader names L+C in its error.
+/// True for a line of L+C, such as `module A(float);`. Such a file counts as cpfg, whose reader names L+C in its error.
 fn is_l_plus_c(line: &str) -> bool {
     (line.starts_with("#include") && line.contains("lpfgall")) || (line.starts_with("module ") && line.ends_with(';'))
 }
 
-/// True if the derivation length ends with the semicolon of L+C, and so does the axiom: Python allows one after a number, too.
+/// True if both the derivation length and the axiom end with the semicolon of L+C; Python also allows one after a number.
 fn ends_as_l_plus_c(text: &str) -> bool {
     let is_axiom = |line: &str| {
         strip_word(line, "axiom").is_some_and(|rest| rest.trim_start().starts_with(':')) && !line.ends_with([';', ':'])
@@ -82,17 +83,17 @@ fn ends_as_l_plus_c(text: &str) -> bool {
         && !has_line(text, is_axiom)
 }
 
-/// A production with the arrow `-->` of cpfg, but no comment of XML and no line that begins with `#`.
+/// True for a line with cpfg's arrow `-->` that is neither an XML comment nor begins with `#`.
 fn is_arrow_rule(line: &str) -> bool {
     line.contains("-->") && !line.starts_with("<!--") && !line.starts_with('#')
 }
 
-/// An entry `Name { .. }` with an axiom.
+/// True if the text has an entry `Name { .. }` with an axiom.
 fn is_fractint(text: &str) -> bool {
     text.contains('{') && super::fractint::has_system(text)
 }
 
-/// Headings of L-Py, or Python around an axiom.
+/// True for headings of L-Py, or Python statements together with an axiom.
 fn is_lpy(text: &str, has_ending: bool) -> bool {
     let mut axiom = false;
     let (mut heading, mut python) = (false, false);
@@ -111,7 +112,8 @@ fn is_lpy(text: &str, has_ending: bool) -> bool {
     heading && (axiom || has_ending || python) || axiom && python || has_ending && axiom
 }
 
-/// Keywords of LParser, or three lines that begin with a number, then an axiom, and a rule or a line that begins with `@`.
+/// True for keywords of LParser; or for three lines that begin with a number, then an axiom, and a rule or a line that
+/// begins with `@`.
 fn is_lparser(text: &str) -> bool {
     let code = || lines(text).map(|l| l.before('#').trimmed()).filter(|l| !l.text.is_empty());
     let keyword = |l: &Piece<'_>, words: &[&str]| {
@@ -130,13 +132,13 @@ fn is_lparser(text: &str) -> bool {
     axiom.text.parse::<f64>().is_err() && (rules.any(lparser::is_rule) || code().any(|l| l.text.starts_with('@')))
 }
 
-/// Rules `F=F[+F]F` or `A(i):i>3=F(i)A:0.5` without an arrow, at least one, and nothing that TOML could be.
+/// True if the text has rules such as `F=F[+F]F` or `A(i):i>3=F(i)A:0.5`, without an arrow, and no table heading of TOML.
 fn is_houdini(text: &str) -> bool {
     let rule = |line: &str| {
         let Some((left, right)) = line.split_once('=') else { return false };
         let (left, right) = (left.trim(), right.trim());
         let symbol = left.split(['(', ':', '<', '>']).next().unwrap_or("");
-        // The successor of a rule has commands, or letters only; the value of a setting has neither.
+        // The successor of a rule contains commands, or consists of letters; the value of a setting does neither.
         let looks_drawn =
             right.contains(['[', ']', '+', '-', '&', '/']) || right.chars().all(|c| c.is_ascii_alphabetic());
         symbol.chars().count() == 1

@@ -1,4 +1,4 @@
-//! L-systems of Fractint: `Name { Angle 6 Axiom F F=F+F--F+F }`, many in one file.
+//! Reads L-systems of Fractint: `Name { Angle 6 Axiom F F=F+F--F+F }`, many in one file.
 
 use super::Reader;
 use super::text::{Piece, lines};
@@ -6,9 +6,9 @@ use crate::program::SuccessorModule;
 use osier_base::diagnostic::{Diagnostic, nearest};
 use std::collections::BTreeMap;
 
-/// Derivation steps where the scene gives none. Fractint begins with 2, at which most of its systems are hard to recognise.
+/// Derivation length if the scene gives none. Fractint begins with 2, at which most of its systems are hard to recognise.
 const DEFAULT_ORDER: u32 = 4;
-/// Rules and columns at which Fractint itself stops reading.
+/// Number of rules, and of columns, beyond which Fractint itself stops reading.
 const MAX_RULES: usize = 25;
 const MAX_COLUMNS: usize = 160;
 /// Commands that no rule can redefine.
@@ -21,23 +21,23 @@ struct Entry<'t> {
     /// Lines between the braces, without comments.
     lines: Vec<Piece<'t>>,
     comment: &'t str,
-    /// Its number among those of its name, from 1.
+    /// Its number among the entries of the same name, from 1.
     number: usize,
 }
 
 impl Entry<'_> {
-    /// A name that no other entry of the file has.
+    /// A name that is unique in the file.
     fn own_name(&self) -> String {
         if self.number == 1 { self.name.text.to_owned() } else { format!("{}({})", self.name.text, self.number) }
     }
 
-    /// Whether it has an axiom and is not called `comment`, as Fractint calls entries of text.
+    /// True if the entry has an axiom and is not called `comment`, which is Fractint's name for entries of text.
     fn has_axiom(&self) -> bool {
         !self.is_comment() && self.lines.iter().any(|l| value_of(*l, "axiom").is_some())
     }
 
-    /// True for an entry with an axiom, or with an angle, so that a missing axiom is reported; any other entry is text. Items between
-    /// commas count, too, so that the commas are reported.
+    /// True for an entry with an axiom, or with an angle, so that a missing axiom is reported; other entries are text. Items
+    /// between commas also count, so that the commas are reported.
     fn is_system(&self) -> bool {
         let is_mark = |item: Piece<'_>| is_angle(item) || value_of(item, "axiom").is_some();
         !self.is_comment() && self.lines.iter().flat_map(|l| between_commas(*l)).any(is_mark)
@@ -48,7 +48,7 @@ impl Entry<'_> {
     }
 }
 
-/// The parts of a line between its commas, trimmed. In a rule a comma is a symbol without meaning.
+/// The parts of a line between commas, trimmed. In a rule a comma is a symbol without meaning.
 fn between_commas(line: Piece<'_>) -> impl Iterator<Item = Piece<'_>> {
     let mut rest = Some(line);
     std::iter::from_fn(move || {
@@ -59,31 +59,31 @@ fn between_commas(line: Piece<'_>) -> impl Iterator<Item = Piece<'_>> {
     })
 }
 
-/// The first word of a line, which a blank or `=` ends, and the value after it and an optional `=`.
+/// The first word of a line, which ends at a blank or `=`, and the value after it and after an optional `=`.
 fn word_and_value(line: Piece<'_>) -> (Piece<'_>, Piece<'_>) {
     let (word, rest) = line.first_word(&['=']);
     (word, if rest.text.starts_with('=') { rest.from(1).trimmed() } else { rest })
 }
 
-/// The value of a line that begins with the word `item`, in any case.
+/// The value of a line that begins with the word `item`, in upper or lower case.
 fn value_of<'t>(line: Piece<'t>, item: &str) -> Option<Piece<'t>> {
     let (word, value) = word_and_value(line);
     word.text.eq_ignore_ascii_case(item).then_some(value)
 }
 
-/// Whether a line gives the number of directions; more may follow it.
+/// True if a line gives the number of directions; more may follow it.
 fn is_angle(line: Piece<'_>) -> bool {
     value_of(line, "angle").is_some_and(|v| v.first_word(&[]).0.text.parse::<f64>().is_ok())
 }
 
-/// Whether a line is the angle or the axiom of an L-system, and nothing else.
+/// True if a line is just the angle or the axiom of an L-system.
 fn is_setting(line: Piece<'_>) -> bool {
     let is_lone = |v: Piece<'_>| v.text.split_whitespace().count() == 1 && !v.text.starts_with(':');
     is_angle(line) && value_of(line, "angle").is_some_and(is_lone) || value_of(line, "axiom").is_some_and(is_lone)
 }
 
-/// The L-systems of a file. Text between entries is left out; an entry without its brace ends where the next one begins.
-/// `outside`: the first angle or axiom that stands between entries.
+/// The L-systems of a file. Text between entries is skipped; an entry without its closing brace ends where the next one
+/// begins. `outside`: set to the first angle or axiom between entries.
 fn entries<'t>(text: &'t str, outside: &mut Option<Piece<'t>>) -> Vec<Entry<'t>> {
     let mut out = blocks(text, false, outside);
     out.retain(Entry::is_system);
@@ -96,34 +96,34 @@ fn entries<'t>(text: &'t str, outside: &mut Option<Piece<'t>>) -> Vec<Entry<'t>>
     out
 }
 
-/// True if a file has an L-system; its text is read as far as the first one.
+/// True if the file has an L-system; reads its text only up to the first one.
 pub(super) fn has_system(text: &str) -> bool {
     blocks(text, true, &mut None).iter().any(Entry::has_axiom)
 }
 
-/// True if a file has an L-system without an axiom, or lines of one without braces around them: its faults are those of a file of
-/// Fractint.
+/// True if the file has an L-system without an axiom, or lines of one without braces around them, so that its errors should
+/// be those of a Fractint file.
 pub(super) fn has_faulty_system(text: &str) -> bool {
     let has = |item: &str| lines(text).map(|l| l.before(';')).any(|l| is_setting(l) && value_of(l, item).is_some());
     has("angle") && has("axiom") || blocks(text, false, &mut None).iter().any(Entry::is_system)
 }
 
-/// What stands between braces, comments too. `to_first_system`: what follows the first L-system is left out. `outside`: the first
-/// angle or axiom that stands between entries.
+/// The contents of braces, including entries of text. `to_first_system`: stop after the first L-system. `outside`: set to
+/// the first angle or axiom between entries.
 fn blocks<'t>(text: &'t str, to_first_system: bool, outside: &mut Option<Piece<'t>>) -> Vec<Entry<'t>> {
     let mut out: Vec<Entry<'_>> = Vec::new();
     let mut is_open = false;
     let mut title = Piece::new(0, "");
     for line in lines(text) {
         let code = line.before(';');
-        // A brace after an item, such as `Angle 6 {`, belongs to its line.
+        // A brace after an item, such as `Angle 6 {`, belongs to that line.
         if let Some(brace) = code.text.find('{').filter(|brace| !(is_open && is_item(code.up_to(*brace)))) {
-            // The name stands before the brace, or on the line before as its only text.
+            // The name precedes the brace, or is the only text on the line before.
             let before = code.up_to(brace).trimmed();
             if to_first_system && out.last().is_some_and(Entry::has_axiom) {
                 return out;
             }
-            // Without either, an empty name has the place of the brace.
+            // Without a name, use an empty one at the place of the brace.
             let is_titled = before.text.is_empty() && !title.text.is_empty();
             let name = if is_titled { title } else { before };
             title = Piece::new(0, "");
@@ -143,16 +143,16 @@ fn blocks<'t>(text: &'t str, to_first_system: bool, outside: &mut Option<Piece<'
     out
 }
 
-/// Whether a line begins with the angle, the axiom or a rule of an L-system.
+/// True if a line begins with the angle, the axiom or a rule of an L-system.
 fn is_item(line: Piece<'_>) -> bool {
     let (word, value) = line.first_word(&['=']);
     let is_named = ["angle", "axiom"].iter().any(|w| word.text.eq_ignore_ascii_case(w));
-    // `F=F+F {`; an entry may be called `F`.
+    // Such as `F=F+F {`; without the `=`, `F` may be the name of an entry.
     let is_rule = word.text.chars().count() == 1 && value.text.starts_with('=');
     (is_named || is_rule) && !value.text.is_empty()
 }
 
-/// Adds a line to the last entry; false if it closes the entry.
+/// Adds a line to the last entry; returns false if the line closes the entry.
 fn add_line<'t>(entries: &mut [Entry<'t>], line: Piece<'t>) -> bool {
     let close = line.text.find('}');
     let piece = line.up_to(close.unwrap_or(line.text.len())).trimmed();
@@ -162,12 +162,12 @@ fn add_line<'t>(entries: &mut [Entry<'t>], line: Piece<'t>) -> bool {
     close.is_none()
 }
 
-/// Names of the L-systems in the order of the file. The second of a name is `NAME(2)`.
+/// Names of the L-systems in file order. The second of the same name is `NAME(2)`.
 pub(super) fn names(text: &str) -> Vec<String> {
     entries(text, &mut None).iter().map(Entry::own_name).collect()
 }
 
-/// Reads the entry `wanted`, without it the only one of the file; L061 for none or several.
+/// Reads the entry `wanted`, or without it the only entry of the file; L061 if there is none or several.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Option<&str>) {
     let mut outside = None;
     let list = entries(text, &mut outside);
@@ -179,7 +179,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Opti
     }
     let entry = select(reader, &list, file, wanted);
     if let Some(line) = outside {
-        // A sheet reads all entries; it reports this once, with the entry that follows.
+        // A preview sheet reads all entries and reports this once, with the entry that follows.
         let next = list.iter().find(|e| e.name.at > line.at).or(list.last());
         if entry.is_none_or(|e| next.is_some_and(|n| n.name.at == e.name.at)) {
             let message = format!("'{}' stands outside of all braces and is left out", line.text);
@@ -198,7 +198,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Opti
     system.finish(entry);
 }
 
-/// The entry of a name, in any case; the only one without a name.
+/// The entry with the name `wanted`, in upper or lower case; without `wanted`, the only entry.
 fn select<'e, 't>(
     reader: &mut Reader<'_>,
     list: &'e [Entry<'t>],
@@ -214,7 +214,7 @@ fn select<'e, 't>(
         shown.join(", ")
     };
     let place = reader.place(0..0);
-    // Without a name a file must have one entry; the error lists those it has.
+    // Without a name the file must have a single entry; the error lists the entries.
     let Some(wanted) = wanted.map(str::trim) else {
         if let [only] = list {
             return Some(only);
@@ -230,7 +230,7 @@ fn select<'e, 't>(
         reader.session.error_help("L061", message, place, help);
         return None;
     };
-    // The name as it is written, then in any case, then by its first word.
+    // Compare names exactly, then without case, then by first word.
     let first_word = |name: &'t str| name.split_whitespace().next().unwrap_or("");
     let found = list
         .iter()
@@ -248,7 +248,7 @@ fn select<'e, 't>(
     found
 }
 
-/// L062 if other entries have the name of this one: Fractint draws the first and none of the others.
+/// L062 if other entries have the same name: Fractint draws only the first one.
 fn warn_of_namesakes(reader: &mut Reader<'_>, list: &[Entry<'_>], entry: &Entry<'_>, file: &str) {
     let others = list.iter().filter(|e| e.name.text.eq_ignore_ascii_case(entry.name.text) && e.number != entry.number);
     let lines: Vec<String> = others.clone().map(|e| reader.line_number(e.name.at).to_string()).collect();
@@ -299,7 +299,7 @@ impl System<'_, '_> {
         if let Some(second) = between_commas(line).skip(1).find(|item| is_item(*item)) {
             let message = format!("'{}' stands behind a comma, on the line of another item", second.text);
             self.error(message, second, "write each item on a line of its own, without commas between them");
-            // Each is read, so that none is reported as missing.
+            // Read each part, so that none is reported as missing.
             return between_commas(line).for_each(|item| self.line(item));
         }
         let (word, rest) = word_and_value(line);
@@ -319,7 +319,7 @@ impl System<'_, '_> {
                     self.second("axiom", line);
                 }
             }
-            // A symbol alone is a rule that removes it.
+            // A single symbol without a value is a rule that removes it.
             (_, Some(c), None) => self.rule(c.to_ascii_lowercase(), word, value),
             _ => {
                 let help = "an L-system of Fractint holds Angle n, Axiom s, and rules such as F=F+F";
@@ -336,7 +336,7 @@ impl System<'_, '_> {
         }
     }
 
-    /// L008 for an item that stands twice.
+    /// L008 for a repeated item.
     fn second(&mut self, item: &str, line: Piece<'_>) {
         let place = self.reader.place(line.range());
         let message = format!("a second {item} replaces the first one");
@@ -346,7 +346,7 @@ impl System<'_, '_> {
     fn angle(&mut self, value: Piece<'_>) {
         match value.text.parse::<f64>() {
             Ok(n) if n >= 1.0 && n.is_finite() => {
-                // A note, not a fault: the number divides the circle in any case.
+                // Only a note, because the number divides the circle in any case.
                 if !(3.0..=50.0).contains(&n) {
                     let message = format!("angle {n}: Fractint takes 3 to 50 directions");
                     self.limit(message, value, "osier draws it anyway");
@@ -364,7 +364,7 @@ impl System<'_, '_> {
             _ => {
                 let message = format!("the angle '{}' is not a number of directions", value.text);
                 self.error(message, value, "Angle 6 divides the circle into 6 directions");
-                // There is an angle: its fault alone is told.
+                // The angle is not missing: report only its fault.
                 self.angle.get_or_insert(1.0);
             }
         }
@@ -376,7 +376,7 @@ impl System<'_, '_> {
         }
         let c = self.symbol(c);
         let successor = self.modules(value);
-        // Rules of one symbol concatenate.
+        // Rules of the same symbol are concatenated.
         if let Some(known) = self.rules.iter_mut().find(|r| r.symbol == c) {
             known.successor.extend(successor);
             return;
@@ -389,12 +389,13 @@ impl System<'_, '_> {
         }
     }
 
-    /// The symbol of a character. A comma means nothing in Fractint, but lowers the colour in grammars with `turtle: fractint`.
+    /// The symbol of a character. A comma has no meaning in Fractint, but decrements the colour in grammars with `turtle:
+    /// fractint`.
     fn symbol(&mut self, c: char) -> char {
         if c == ',' { self.reader.program.symbols.private_character(",").unwrap_or('_') } else { c }
     }
 
-    /// Modules of a string: commands take the number that follows them as a parameter.
+    /// Modules of a string: a command takes the number after it as its parameter.
     fn modules(&mut self, value: Piece<'_>) -> Vec<SuccessorModule> {
         let chars: Vec<(usize, char)> = value.chars().map(|(i, c)| (i, c.to_ascii_lowercase())).collect();
         let mut out = Vec::with_capacity(chars.len());
@@ -410,7 +411,7 @@ impl System<'_, '_> {
                     end = end.max(last + l.len_utf8());
                 }
                 parameter = number.value;
-                // A size factor that is missing or 0 would end the drawing in one point.
+                // A missing or zero scale factor would shrink the rest of the drawing to a point.
                 if c == '@' && parameter.is_none_or(|p| p <= 0.0) {
                     let piece = Piece::new(at, &value.text[at - value.at..end - value.at]);
                     let help = "write the factor after it: @.5, @I2 (1/2), @Q2 (root of 2), @IQ2";
@@ -439,7 +440,7 @@ impl System<'_, '_> {
         };
         let reader = self.reader;
         if let Some(turtle) = &mut reader.program.turtle {
-            // The file gives the number of turns in a circle.
+            // The file gives the number of turns of the angle in a full circle.
             turtle.settings.angle_deg = self.angle.map(|n| 360.0 / n);
         }
         reader.program.length = DEFAULT_ORDER;
@@ -457,11 +458,11 @@ struct Number {
 }
 
 impl Number {
-    /// Reads `[I][Q]digits[.digits]`: `I` is 1/x, `Q` the square root. Colours take digits without them.
+    /// Reads `[I][Q]digits[.digits]`: `I` is 1/x, `Q` the square root. Colour commands take digits without these prefixes.
     fn read(chars: &[(usize, char)], i: &mut usize, command: char) -> Self {
         let is_color = matches!(command, 'c' | '<' | '>');
         let peek = |k: usize| chars.get(k).map(|p| p.1);
-        // A number may begin with its point: `@.5`.
+        // A number may begin with its decimal point: `@.5`.
         let begins = |k: usize| peek(k).is_some_and(|c| c.is_ascii_digit() || c == '.');
         let (mut inverse, mut root, mut k) = (false, false, *i);
         while let Some(c @ ('i' | 'q')) = peek(k).filter(|_| !is_color) {
@@ -469,7 +470,7 @@ impl Number {
             root |= c == 'q';
             k += 1;
         }
-        // Letters that no number follows are symbols.
+        // Prefix letters without a number after them are symbols.
         if !begins(k) {
             return Self { value: None };
         }

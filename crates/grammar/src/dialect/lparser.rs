@@ -1,6 +1,7 @@
-//! Files of LParser, in the form of bare lines and in that of keywords.
+//! Reads files of LParser, both without keywords ("bare lines") and with them.
 //!
-//! Rewriting acts on characters, those of numbers included: every character is a symbol, and the turtle reads the numbers.
+//! Rewriting acts on characters, including those of numbers: every character is a symbol, and the turtle interprets the
+//! numbers.
 
 use super::Reader;
 use super::text::{Piece, lines};
@@ -8,17 +9,17 @@ use crate::program::SuccessorModule;
 use crate::token::SourcePlace;
 use std::collections::BTreeSet;
 
-/// Items whose values mean something only to the program itself.
+/// Items that affect only LParser itself, and are ignored.
 const IGNORED: [&str; 9] =
     ["mutation", "shape", "poly_limit", "switch_yz", "closed_form", "user_form", "rand", "trope", "output"];
-/// Commands of the turtle, and the characters of numbers. Any other character without a rule becomes `_`.
+/// Commands of the turtle, and the characters of numbers. Any other character without a rule is replaced by `_`.
 const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
-/// Commands that take a number after them.
+/// Commands that a number may follow.
 const NUMBERED: &str = "+-&^<>~tFZfzg\"';:?!c";
-/// The number that stands for the length of a step in files of bare lines; in those of keywords it is 1. Source: LParser 4 begins
-/// with steps of 100, and the same trees have leaves of `f(20)` there and of `f(.2)` in LParser 5.
+/// The number that stands for the initial step length in files without keywords; in files with keywords it is 1. Source:
+/// LParser 4 begins with steps of 100, and the same trees have leaves of `f(20)` there and of `f(.2)` in LParser 5.
 const OLD_UNIT: f64 = 100.0;
-/// Largest `recursion` (derivation length) that is accepted.
+/// Limit on `recursion` (derivation length).
 const MAX_RECURSION: f64 = 1e6;
 
 struct Rule<'t> {
@@ -33,18 +34,18 @@ struct File<'r, 's, 't> {
     angle: Option<f64>,
     thickness: Option<f64>,
     min_thickness: f64,
-    /// Whether recursion, angle or thickness stands on a line without a keyword.
+    /// True if recursion, angle or thickness is on a line without a keyword.
     is_old: bool,
     axiom: Option<Vec<Piece<'t>>>,
     rules: Vec<Rule<'t>>,
     /// Symbols that have a rule.
     ruled: BTreeSet<char>,
     length_place: SourcePlace,
-    /// A number before the axiom is missing: what the lines after it mean is unknown.
+    /// True if a number before the axiom is missing, so that the meaning of the following lines is unknown.
     is_stopped: bool,
 }
 
-/// Reads the lines of a file of LParser into the reader's program.
+/// Reads a file of LParser into the reader's program.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     reader.description = description(text);
     let length_place = reader.place(0..0);
@@ -63,7 +64,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     };
     for line in lines(text) {
         let line = line.before('#').trimmed();
-        // '@' ends the file, whatever follows it.
+        // '@' ends the file; the rest is ignored.
         if line.text.starts_with('@') && !is_rule(line) {
             break;
         }
@@ -77,10 +78,10 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     file.finish(text);
 }
 
-/// The first comment of a file that says something.
+/// The first comment of a file that contains text.
 fn description(text: &str) -> String {
     let comments = lines(text).map(|l| l.trimmed().text).take_while(|l| l.is_empty() || l.starts_with('#'));
-    // Comments are framed by rows of signs, which say nothing.
+    // Comments are often framed by rows of punctuation, which are not text.
     let plain = |l: &str| l.trim_matches(['#', '-', '=', '*', ' ', '\t']).to_owned();
     comments.map(plain).find(|l| l.chars().filter(|c| c.is_alphabetic()).count() > 3).unwrap_or_default()
 }
@@ -99,7 +100,7 @@ impl<'t> File<'_, '_, 't> {
             "angle" => self.angle.is_some(),
             "thickness" => self.thickness.is_some(),
             "min_thickness" => self.min_thickness > 0.0,
-            // A second line of a bare axiom continues it; one with the keyword replaces it.
+            // A second line of an axiom without keyword continues it; one with the keyword replaces it.
             "axiom" => self.axiom.take().is_some(),
             _ => false,
         };
@@ -128,14 +129,14 @@ impl<'t> File<'_, '_, 't> {
     /// A line without a keyword: recursion, angle, thickness and axiom in this order, then rules.
     fn bare_line(&mut self, line: Piece<'t>) {
         if is_rule(line) {
-            // With a blank beside the '=' all of the line is the rule, which LParser cannot read.
+            // With a blank beside the '=', take the whole line as the rule, although LParser cannot read it.
             let (word, _) = line.first_word(&[]);
             let is_whole = is_rule(word) && word.text.chars().count() > 2;
             let rule = if is_whole { self.bare_word(line) } else { line };
             return self.rule(rule);
         }
         if self.axiom.is_some() {
-            // A long rule may continue in the next line, which LParser does not read.
+            // Accept a continuation of a long rule on the next line, although LParser does not read it.
             let place = self.reader.place(line.range());
             let before = if self.rules.is_empty() { "axiom" } else { "rule" };
             let message = format!("this line is no rule, and goes on with the {before} before it");
@@ -149,7 +150,7 @@ impl<'t> File<'_, '_, 't> {
         // Words may follow the number.
         let (word, _) = line.first_word(&[]);
         if word.text.parse::<f64>().is_err() {
-            // Three numbers precede the axiom of a file of bare lines.
+            // In a file without keywords three numbers precede the axiom.
             let numbers = [("angle", self.angle), ("thickness", self.thickness)];
             if let Some((missing, _)) = numbers.into_iter().find(|n| self.is_old && n.1.is_none()) {
                 let message = format!("expected the {missing}, found '{}'", word.text);
@@ -173,7 +174,7 @@ impl<'t> File<'_, '_, 't> {
         }
     }
 
-    /// The first word of a line without a keyword: LParser reads no more of it. L008 for what follows.
+    /// The first word of a line without a keyword: LParser ignores the rest, which is L008.
     fn bare_word(&mut self, line: Piece<'t>) -> Piece<'t> {
         let (word, rest) = line.first_word(&[]);
         if !rest.text.is_empty() {
@@ -229,14 +230,14 @@ impl<'t> File<'_, '_, 't> {
         }
     }
 
-    /// `x = s`, with blanks anywhere.
+    /// Reads a rule `x = s`, with blanks anywhere.
     fn rule(&mut self, line: Piece<'t>) {
         if !is_rule(line) {
             let help = "write: rule A = F[+A]";
             return self.error("a rule is one character, '=' and its successor".into(), line, help);
         }
         let Some(symbol) = line.text.chars().next() else { return };
-        // The predecessor may itself be '=': the search begins after it.
+        // The predecessor may itself be '=': search after it.
         let equals = line.text[symbol.len_utf8()..].find('=').map_or(0, |i| i + symbol.len_utf8());
         let place = self.reader.place(line.up_to(symbol.len_utf8()).range());
         if !self.ruled.insert(symbol) {
@@ -246,10 +247,11 @@ impl<'t> File<'_, '_, 't> {
         self.rules.push(Rule { symbol, place, successor: vec![line.from(equals + 1)] });
     }
 
-    /// L008 for parentheses that hold no number, unless rules can make one of what they hold, and for numbers that no command takes.
+    /// L008 for parentheses without a number, unless rules can produce one from their content, and for numbers after
+    /// commands that take none.
     fn check_numbers(&mut self, parts: &[Piece<'_>]) {
         let is_made = |text: &str| text.contains(|c: char| self.ruled.contains(&c));
-        // Where the parenthesis opens, whether the symbol before it takes a number, and what it holds so far.
+        // Start of the open parenthesis, whether the symbol before it takes a number, and its content so far.
         let mut open: Option<(usize, bool, String)> = None;
         let mut takes_number = true;
         for (at, c) in parts.iter().flat_map(|p| p.chars()).filter(|(_, c)| !c.is_whitespace()) {
@@ -281,7 +283,7 @@ impl<'t> File<'_, '_, 't> {
         }
     }
 
-    /// Modules of a text without its blanks.
+    /// Modules of a text, ignoring blanks.
     fn modules(&mut self, parts: &[Piece<'_>]) -> Vec<SuccessorModule> {
         let chars = parts.iter().flat_map(|p| p.chars()).filter(|(_, c)| !c.is_whitespace());
         let mut out = Vec::new();
@@ -289,7 +291,8 @@ impl<'t> File<'_, '_, 't> {
         for (at, c) in chars {
             in_number = c == '(' || (in_number && c != ')');
             let place = self.reader.place(at..at + c.len_utf8());
-            // A character that is neither a command nor has a rule draws nothing: it becomes `_`. A number may have an exponent.
+            // A character that is neither a command nor has a rule draws nothing: replace it by `_`. A number may contain an
+            // exponent.
             let is_exponent = in_number && matches!(c, 'e' | 'E');
             let is_known = is_exponent || COMMANDS.contains(c) || self.ruled.contains(&c);
             out.extend(self.reader.module(if is_known { c } else { '_' }, place));
@@ -297,8 +300,8 @@ impl<'t> File<'_, '_, 't> {
         out
     }
 
-    /// The fraction of the recursion if it acts on what a rule makes: LParser draws what rules of segments and moves make in full. L008
-    /// where there are rules of both kinds.
+    /// The fraction of the recursion; 0 if all rules are for segments and moves, whose successors LParser draws in full.
+    /// L008 if there are rules of both kinds.
     fn fraction(&mut self, fraction: f64) -> f64 {
         let is_full = |rule: &&Rule<'_>| "FfZz".contains(rule.symbol);
         let full = self.rules.iter().find(is_full).map(|rule| (rule.symbol, rule.place));
@@ -328,14 +331,14 @@ impl<'t> File<'_, '_, 't> {
                 "write recursion, angle, thickness and axiom, each on a line of its own, then rules such as A=F[+A]";
             return self.error("the file has no axiom".into(), piece, help);
         };
-        // Recursion 3.4 derives 4 steps; the fraction .4 reduces what the last one draws.
+        // Recursion 3.4 derives 4 steps; the fraction .4 applies to the drawing of the last one.
         let recursion = self.recursion.unwrap_or(1.0).clamp(0.0, MAX_RECURSION);
         let fraction = self.fraction(recursion - recursion.floor());
         self.check_numbers(&axiom);
         let axiom = self.modules(&axiom);
         let mut made = BTreeSet::new();
         for Rule { symbol, place, successor } in std::mem::take(&mut self.rules) {
-            // Of several rules of a symbol the first one counts.
+            // If a symbol has several rules, the first one counts.
             if made.insert(symbol) {
                 self.check_numbers(&successor);
                 let successor = self.modules(&successor);
@@ -360,13 +363,13 @@ impl<'t> File<'_, '_, 't> {
 /// Help for numbers that have no effect.
 const NUMBER_HELP: &str = "write a number directly behind a command that takes one: F(20)";
 
-/// Whether a text is a number as LParser reads it: `20`, `-.5`, `1e2`.
+/// True if a text is a number as LParser reads it: `20`, `-.5`, `1e2`.
 fn is_number(text: &str) -> bool {
-    // Rust's numbers may be words, too: `inf`, `nan`.
+    // Rust also parses the words `inf` and `nan`.
     text.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c)) && text.parse::<f64>().is_ok_and(f64::is_finite)
 }
 
-/// A word such as `no_wait` before one number: no axiom is written so.
+/// True for a word such as `no_wait` before a single number, which cannot be an axiom.
 fn is_setting(word: Piece<'_>, value: Piece<'_>) -> bool {
     let mut parts = word.text.split('_');
     let are_words =
@@ -374,7 +377,7 @@ fn is_setting(word: Piece<'_>, value: Piece<'_>) -> bool {
     are_words && value.text.parse::<f64>().is_ok()
 }
 
-/// One character, blanks, '='.
+/// True for one character, optional blanks and '='.
 pub(super) fn is_rule(line: Piece<'_>) -> bool {
     let mut chars = line.trimmed().text.chars();
     let symbol = chars.next();

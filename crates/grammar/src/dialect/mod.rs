@@ -1,5 +1,5 @@
-//! Notations of other programs. Each reader makes the program that a grammar of osier is, with its places in the file, and
-//! names the turtle that draws it.
+//! Notations of other programs. Each reader compiles a file to the same program that a grammar of osier has, with places in
+//! the file, and sets the turtle dialect that draws it.
 
 mod convert;
 mod detect;
@@ -28,13 +28,13 @@ pub use detect::{FileKind, detect};
 /// Notation of a grammar file and, in a file of several L-systems, which of them to read.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReadAs<'a> {
-    /// Its notation; `None`: what its content says.
+    /// The notation of the file; `None` to detect it from the content.
     pub notation: Option<Notation>,
-    /// The entry of a file that holds several; `None`: its only one.
+    /// The entry to read of a file that holds several; `None` for its only entry.
     pub entry: Option<&'a str>,
 }
 
-/// Names of the L-systems of a file of Fractint, in the order of the file; empty for any other file.
+/// Names of the L-systems in a file of Fractint, in file order; empty for other files.
 pub fn entries(name: &str, bytes: &[u8]) -> Vec<String> {
     match detect(name, bytes) {
         FileKind::Grammar(Notation::Fractint) => fractint::names(&text::decode(bytes).text),
@@ -42,14 +42,14 @@ pub fn entries(name: &str, bytes: &[u8]) -> Vec<String> {
     }
 }
 
-/// The tokens of a grammar of cpfg with the line `turtle: ..` of its notation before them, unless the grammar has one.
+/// Inserts the `turtle:` line of the notation before the tokens of a grammar of cpfg, unless the grammar has one.
 pub(super) fn with_turtle(
     session: &mut ParseSession,
     tokens: Vec<Token>,
     notation: Notation,
     start: SourcePlace,
 ) -> Vec<Token> {
-    // Tokens compare by number, so that the word is interned once.
+    // Tokens are compared by number, so that the word is interned once.
     let word = session.names.intern("turtle");
     let has_turtle = tokens
         .split(Token::is_newline)
@@ -75,7 +75,7 @@ pub(super) fn parse(
     let decoded = text::decode(source.bytes);
     let id = sources.add(source.name, decoded.text.as_str());
     let start = SourcePlace::start_of(id);
-    // The text is added to the sources first: the error points into it.
+    // Add the text to the sources first, because the error refers to it.
     if source.bytes.len() as u64 > limits.get("text-bytes") {
         let message = format!("\"{}\" is larger than --max-text-bytes", source.name);
         session.error_help("L005", message, start, "shorten the file, or raise the limit");
@@ -88,7 +88,7 @@ pub(super) fn parse(
     if brackets::check_nesting(&mut session, id, &decoded.text, limits) {
         return Err(input_error(&mut session, sources));
     }
-    // Each reader makes the same program as a grammar of cpfg has.
+    // Each reader makes the same kind of program as the compiler of cpfg grammars.
     let mut reader = Reader::new(&mut session, id, &decoded.text, notation);
     match notation {
         Notation::Fractint => fractint::read(&mut reader, &decoded.text, source.name, entry),
@@ -117,11 +117,11 @@ pub(super) fn parse(
     Ok((grammar, std::mem::take(&mut session.diagnostics)))
 }
 
-/// A program under construction, and where diagnostics go.
+/// A program under construction, and the session for diagnostics.
 struct Reader<'s> {
     session: &'s mut ParseSession,
     source: SourceId,
-    /// Bytes at which lines begin.
+    /// Byte offsets of line starts.
     line_starts: Vec<usize>,
     program: Program,
     label: String,
@@ -162,7 +162,7 @@ impl<'s> Reader<'s> {
         SourcePlace::bare(Span::new(self.source, range.start, range.end))
     }
 
-    /// Number of the line of a byte, from 1.
+    /// Line number of a byte, from 1.
     fn line_number(&self, at: usize) -> usize {
         self.line_starts.partition_point(|start| *start <= at).max(1)
     }
@@ -182,9 +182,9 @@ impl<'s> Reader<'s> {
         Some(SuccessorModule { args: Box::new([Expr::Const(value)]), ..module })
     }
 
-    /// Adds a production without context and condition, of one symbol without parameters.
+    /// Adds a production for one symbol without parameters, without contexts and condition.
     fn rule(&mut self, c: char, successor: Vec<SuccessorModule>, place: SourcePlace) {
-        // Only the symbol is needed; `module` reports L004 where there are too many.
+        // Only the symbol is needed; `module` reports L004 if there are too many symbols.
         let Some(SuccessorModule { symbol, .. }) = self.module(c, place) else { return };
         self.program.rules.list.push(Production {
             left: Vec::new(),
@@ -203,7 +203,7 @@ impl<'s> Reader<'s> {
         });
     }
 
-    /// Numbers the modules of each symbol, a part of their lineage.
+    /// Numbers the occurrences of each symbol, which are part of the lineage.
     fn numbered(&self, mut modules: Vec<SuccessorModule>) -> Vec<SuccessorModule> {
         let mut counts = vec![0_u32; self.program.symbols.len()];
         for m in &mut modules {
@@ -219,9 +219,9 @@ impl<'s> Reader<'s> {
         self.program.axiom = self.numbered(modules);
     }
 
-    /// The complete program, its label, its description and its colours.
+    /// Returns the complete program, its label, its description and its colours.
     fn finish(mut self) -> (Program, String, String, Vec<(u8, [u8; 3])>) {
-        // Only now are all symbols known that the tables are indexed by.
+        // All symbols are known only now; they determine the size of the tables.
         let symbols = self.program.symbols.len();
         self.program.rules.index(symbols);
         self.program.decomposition.index(symbols);

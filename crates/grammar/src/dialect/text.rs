@@ -1,13 +1,14 @@
-//! Bytes to text, and text to lines with their places.
+//! Decodes bytes to text, and splits text into lines with their places.
 
-/// A file as text, and how its bytes were read.
+/// The text of a file, and the encoding of its bytes.
 pub(super) struct Decoded {
     pub text: String,
-    /// The bytes were no UTF-8 and were read as Latin-1.
+    /// True if the bytes were not valid UTF-8 and were read as Latin-1.
     pub is_latin1: bool,
 }
 
-/// Text of a file: UTF-8 or UTF-16 by its mark, else Latin-1. What follows the mark of the end of a file of DOS, `^Z`, is left out.
+/// Decodes a file: UTF-8, UTF-16 if it begins with a byte order mark, else Latin-1. Text after the DOS end-of-file character
+/// `^Z` is ignored.
 pub(super) fn decode(bytes: &[u8]) -> Decoded {
     let (mut text, is_latin1) = match bytes {
         [0xff, 0xfe, rest @ ..] => (utf16(rest, u16::from_le_bytes), false),
@@ -31,7 +32,7 @@ fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
-/// A part of a text with the byte at which it begins.
+/// A part of a text, with the byte offset of its beginning.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Piece<'t> {
     pub at: usize,
@@ -43,13 +44,13 @@ impl<'t> Piece<'t> {
         Self { at, text }
     }
 
-    /// Without whitespace at either end; `at` moves to the first byte that is left.
+    /// The part without whitespace at either end; `at` is adjusted.
     pub fn trimmed(self) -> Self {
         let start = self.text.trim_start();
         Self { at: self.at + self.text.len() - start.len(), text: start.trim_end() }
     }
 
-    /// The part before the first `c`; all of it if it has no `c`.
+    /// The part before the first `c`, or the whole part if it has none.
     pub fn before(self, c: char) -> Self {
         Self { at: self.at, text: self.text.split(c).next().unwrap_or("") }
     }
@@ -68,7 +69,8 @@ impl<'t> Piece<'t> {
         self.at..self.at + self.text.len()
     }
 
-    /// Splits after the first word, which whitespace or one of `ends` ends; the rest is trimmed and keeps that character of `ends`.
+    /// Splits after the first word, which ends at whitespace or one of `ends`; the rest is trimmed, but keeps a character of
+    /// `ends`.
     pub fn first_word(self, ends: &[char]) -> (Self, Self) {
         let t = self.trimmed();
         let end = t.text.find(|c: char| c.is_whitespace() || ends.contains(&c)).unwrap_or(t.text.len());
@@ -82,7 +84,7 @@ impl<'t> Piece<'t> {
     }
 }
 
-/// Lines of a text, which end in LF, CRLF or CR, without their ends.
+/// Lines of a text, which end in LF, CRLF or CR, without their line ends.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = Piece<'_>> {
     let mut at = 0;
     let mut rest = Some(text);

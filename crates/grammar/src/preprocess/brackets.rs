@@ -1,10 +1,10 @@
-//! Nesting of brackets in a text, before anything of it is stored.
+//! Checks the nesting of brackets in a text before anything is stored.
 
 use crate::token::{ParseSession, SourcePlace};
 use osier_base::diagnostic::{SourceId, Span};
 use osier_base::limits::{Limits, grouped};
 
-/// L004 and true if a text opens more brackets than the turtle may have open (`turtle-stack`): a million of them would take
+/// L004 and true if a text nests more brackets than the turtle allows (`turtle-stack`): storing a million of them would take
 /// hundreds of bytes each before the turtle refused them.
 pub(crate) fn check_nesting(session: &mut ParseSession, source: SourceId, text: &str, limits: &Limits) -> bool {
     let most = limits.get("turtle-stack");

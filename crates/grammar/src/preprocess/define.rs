@@ -7,26 +7,26 @@ use osier_base::diagnostic::Span;
 pub struct Define {
     /// Name of the macro, as `--set` takes it.
     pub name: String,
-    /// Its replacement as written, or the override's text.
+    /// Its replacement as written in the grammar, or the text of the override.
     pub value: String,
-    /// Its replacement in the grammar, whether or not it is overridden.
+    /// Its replacement as written in the grammar, even if it is overridden.
     pub written: String,
-    /// Place of the name in its `#define`.
+    /// Place of the name in the `#define` line.
     pub span: Span,
-    /// Where its replacement stands in the grammar; empty, after the name, without one.
+    /// Place of the replacement in the grammar; the empty range after the name if there is none.
     pub value_span: Span,
-    /// The comment after it on the same line, without comment signs.
+    /// The comment after the definition on the same line, without comment delimiters.
     pub comment: String,
 }
 
-/// Values of a parameter that give good plants.
+/// Recommended range of a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DefineRange {
-    /// Least value, below `max`.
+    /// Smallest recommended value, below `max`.
     pub min: f64,
-    /// Greatest value, above the least.
+    /// Largest recommended value, above `min`.
     pub max: f64,
-    /// Unit of both; empty without one.
+    /// Unit of both values; empty if there is none.
     pub unit: String,
 }
 
@@ -36,9 +36,9 @@ impl Define {
         plain_number(&self.value)
     }
 
-    /// The range that the comment begins with, as in `0..40 deg: how crooked limbs are`; without one the range between 0 and
-    /// twice the value that is written in the grammar, 0 to 1 for the value 0. Widened to the value, which a scene may have set
-    /// outside of it. `None` if what is written in the grammar is not a number.
+    /// The range at the beginning of the comment, as in `0..40 deg: how crooked limbs are`. Without one, the range between 0
+    /// and twice the value written in the grammar, or 0 to 1 if that value is 0. It is extended to include the current
+    /// value, which a scene may have set outside. `None` if the value written in the grammar is not a number.
     pub fn range(&self) -> Option<DefineRange> {
         let written = plain_number(&self.written)?;
         let far = if written == 0.0 { 1.0 } else { 2.0 * written };
@@ -53,8 +53,8 @@ impl Define {
         split_comment(&self.comment).map_or(&self.comment, |(_, about)| about)
     }
 
-    /// False for a macro that abbreviates a part of productions, such as `B(R1*d, n-1)`: it has no comment and reads names that
-    /// are not among the macros `all` of its grammar.
+    /// False for a macro that abbreviates a part of productions, such as `B(R1*d, n-1)`: it has no comment and uses names
+    /// that are not among `all` macros of the grammar.
     pub fn is_parameter(&self, all: &[Self]) -> bool {
         let is_macro = |name: &str| all.iter().any(|d| d.name == name);
         !self.comment.is_empty() || self.written.contains('"') || plain_names(&self.written).all(is_macro)
@@ -75,7 +75,7 @@ fn plain_names(text: &str) -> impl Iterator<Item = &str> {
     words.filter_map(move |(word, after)| (is_name(word) && !after.trim_start().starts_with('(')).then_some(word))
 }
 
-/// Value of a text that is a finite number and nothing else; `None` for expressions and names.
+/// Value of a text that is just a finite number; `None` for expressions and names.
 fn plain_number(text: &str) -> Option<f64> {
     text.parse().ok().filter(|v: &f64| v.is_finite())
 }

@@ -1,4 +1,4 @@
-//! `#define`, `#undef`, `#include`, conditionals.
+//! Directives: `#define`, `#undef`, `#include` and conditionals.
 
 use std::rc::Rc;
 
@@ -9,11 +9,11 @@ use osier_base::diagnostic::Span;
 
 const DIRECTIVES: [&str; 11] =
     ["define", "undef", "include", "if", "ifdef", "ifndef", "elif", "else", "endif", "pragma", "error"];
-/// Nesting of included files before L006.
+/// Limit on the nesting of included files (L006).
 const MAX_INCLUDE_DEPTH: usize = 32;
 
 impl Preprocessor<'_> {
-    /// Does this token, just taken, begin a directive?
+    /// True if this token, just taken, begins a directive.
     pub(super) fn at_directive(&self, token: Token) -> bool {
         if !token.is('#') {
             return false;
@@ -57,7 +57,7 @@ impl Preprocessor<'_> {
                 self.begin_if(value, place);
             }
             "ifdef" | "ifndef" => {
-                // A `--set` value counts as a definition, even before its #define is read.
+                // A `--set` value counts as defined even before its `#define` is read.
                 let defined = match rest.first().map(|t| t.kind) {
                     Some(TokenKind::Ident(name)) => {
                         self.macros.contains_key(&name) || self.overrides.contains_key(&name)
@@ -67,7 +67,7 @@ impl Preprocessor<'_> {
                 let wanted = self.session.names.get(word) == "ifdef";
                 self.begin_if(defined == wanted, place);
             }
-            // Reached at the end of an active part: what follows is left out.
+            // An active branch ends here: skip the other branches.
             "elif" | "else" => match self.conditions.last_mut() {
                 Some(c) => {
                     c.active = false;
@@ -97,9 +97,9 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// Skips lines up to the part of the innermost `#if` that holds.
+    /// Skips lines up to the branch of the innermost `#if` that holds.
     fn skip_inactive(&mut self) {
-        // Conditionals inside an inactive part are counted and skipped as a whole.
+        // Conditionals inside an inactive branch are counted and skipped as a whole.
         let mut nested = 0_u32;
         loop {
             self.rest_of_line();
@@ -139,7 +139,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// Value of an `#if` expression, with `defined(X)` and `defined X` replaced before macros are expanded.
+    /// Value of an `#if` expression, in which `defined(X)` and `defined X` are replaced before macros are expanded.
     fn evaluate_condition(&mut self, tokens: &[Token], place: SourcePlace) -> bool {
         let mut list = Vec::new();
         let mut i = 0;
@@ -196,10 +196,10 @@ impl Preprocessor<'_> {
         self.macros.insert(name, MacroDefinition { params, body });
     }
 
-    /// Keeps a macro without arguments for `osier list options`.
+    /// Records a macro without arguments for `osier list options`.
     fn record_define(&mut self, name: u32, place: SourcePlace, body: &[Token], line: &[Token]) {
         let slice = |a: u32, b: u32| self.sources.text(place.span.source).get(a as usize..b as usize).unwrap_or("");
-        // Where a list of tokens stands; nowhere if it is empty or comes from several files.
+        // Range of a list of tokens; `None` if the list is empty or comes from several files.
         let extent = |tokens: &[Token]| match (tokens.first(), tokens.last()) {
             (Some(a), Some(b)) if a.place.span.source == b.place.span.source => {
                 Some(Span { end: b.place.span.end, ..a.place.span })
@@ -236,7 +236,7 @@ impl Preprocessor<'_> {
             }
         };
         let at = rest.first().map_or(place, |t| t.place);
-        // Both limits are needed: many files side by side, and files within files.
+        // Both limits are needed: on the number of included files, and on their nesting.
         self.included += 1;
         if self.included > self.limits.get("includes") || self.files.len() >= MAX_INCLUDE_DEPTH {
             let help = "merge some of them, or raise --max-includes";
@@ -244,7 +244,7 @@ impl Preprocessor<'_> {
         }
         let from = self.files.last().cloned().unwrap_or_default();
         match (self.includes)(&name, &from) {
-            // A file that is still open must not be included again: the chain would not end.
+            // A file that is still being read must not be included again, as the inclusion would never end.
             Ok((shown, _)) if self.files.contains(&shown) => {
                 let chain = format!("{} -> {shown}", self.files.join(" -> "));
                 self.session.error("L006", format!("\"{name}\" includes itself: {chain}"), at, "here");

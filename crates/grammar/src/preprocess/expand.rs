@@ -3,14 +3,14 @@
 use super::{FrameKind, MacroDefinition, Preprocessor, TokenFrame};
 use crate::token::{SourcePlace, Token, TokenKind};
 
-/// Nesting of macro expansions before L005.
+/// Limit on the nesting of macro expansions (L005).
 const MAX_MACRO_DEPTH: u32 = 256;
 
 /// Bit of [`SourcePlace::origin`] that marks identifiers which must not be expanded again (C11 6.10.3.4).
 const EXPANSION_DISABLED: u32 = 1 << 31;
 
 impl Preprocessor<'_> {
-    /// The next expanded token above stack height `base`; `None` when the lists above it are used up.
+    /// The next expanded token above stack height `base`; `None` at the end of the lists above it.
     pub(super) fn next_expanded(&mut self, base: usize) -> Option<Token> {
         loop {
             if self.frames.len() <= base {
@@ -24,7 +24,7 @@ impl Preprocessor<'_> {
                 self.directive();
                 continue;
             }
-            // Text of files is bounded by their size; only what macros make of it counts.
+            // The text of files is limited by their size, so that only tokens from macros are counted.
             let from_macro = self.frames.last().is_some_and(|f| !matches!(f.kind, FrameKind::File { .. }));
             self.produced += u64::from(from_macro);
             // Nested macros can grow exponentially: stop at the budget and report it once.
@@ -46,7 +46,7 @@ impl Preprocessor<'_> {
             {
                 continue;
             }
-            // Tokens of different texts never form one operator.
+            // Tokens from different texts never form one operator.
             if std::mem::take(&mut self.break_glue) {
                 token.glued = false;
             }
@@ -62,7 +62,7 @@ impl Preprocessor<'_> {
         Some(token)
     }
 
-    /// Drops the topmost list; L004 for each `#if` that a file leaves without `#endif`.
+    /// Removes the topmost list; L004 for each `#if` of a file without its `#endif`.
     fn pop_frame(&mut self) {
         let Some(frame) = self.frames.pop() else { return };
         self.break_glue = true;
@@ -76,13 +76,13 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// Replaces the macro `name` if it is one and may be; true if the caller must read on.
+    /// Replaces the macro `name` if it is defined and enabled; true if the caller must read the next token.
     fn try_expand(&mut self, name: u32, token: &mut Token) -> bool {
         if token.place.origin & EXPANSION_DISABLED != 0 {
             return false;
         }
         let Some(definition) = self.macros.get(&name).cloned() else { return false };
-        // C11 6.10.3.4: a macro met within its own expansion is not replaced, now or later; the bit records that.
+        // C11 6.10.3.4: a macro within its own expansion is not replaced, now or later; the bit records that.
         if self.frames.iter().any(|f| f.kind == FrameKind::Macro { name }) {
             token.place.origin |= EXPANSION_DISABLED;
             return false;
@@ -99,7 +99,7 @@ impl Preprocessor<'_> {
                     return false;
                 }
                 let Some(args) = self.call_arguments(token.place) else { return true };
-                // C rule: `M()` of a macro without parameters has no argument, not one that is empty.
+                // C rule: `M()` calls a macro without parameters with no argument, not with an empty one.
                 let given = if args.len() == 1 && params.is_empty() && args[0].is_empty() { 0 } else { args.len() };
                 if given != params.len() {
                     let (word, n) = (self.session.names.get(name).to_owned(), params.len());
@@ -116,7 +116,7 @@ impl Preprocessor<'_> {
         true
     }
 
-    /// Is the next token, through lists that are used up, an opening parenthesis?
+    /// True if the next token, across exhausted lists, is an opening parenthesis.
     fn opens_call(&self) -> bool {
         for frame in self.frames.iter().rev() {
             if let Some(t) = frame.tokens.get(frame.pos) {
@@ -134,7 +134,7 @@ impl Preprocessor<'_> {
         let mut args = vec![Vec::new()];
         let mut depth = 0_u32;
         loop {
-            // A call may end in the text that follows the macro's body, but not beyond an isolated list or the main
+            // A call may end in the text after the macro's body, but not after the end of a separate list or of the main
             // file.
             let Some(token) = self.next_raw() else {
                 if self.frames.last().is_none_or(|f| f.kind == FrameKind::List) || self.frames.len() == 1 {
@@ -164,7 +164,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// A list expanded by itself, as C does with arguments; nesting is bounded by [`MAX_MACRO_DEPTH`].
+    /// Expands a list by itself, as C does with arguments; [`MAX_MACRO_DEPTH`] limits the nesting.
     pub(super) fn expand_list(&mut self, tokens: Vec<Token>) -> Vec<Token> {
         if self.depth >= MAX_MACRO_DEPTH {
             self.exhausted = true;
@@ -175,7 +175,7 @@ impl Preprocessor<'_> {
         }
         self.depth += 1;
         let base = self.frames.len();
-        // The list is a separate frame: expansion stops at its end.
+        // The list is a frame of its own, so that expansion stops at its end.
         self.frames.push(TokenFrame { tokens, pos: 0, kind: FrameKind::List });
         let glue = std::mem::take(&mut self.break_glue);
         let mut out = Vec::new();
@@ -188,7 +188,7 @@ impl Preprocessor<'_> {
         out
     }
 
-    /// Joins the last token of `body` with the next one, if both are words or numbers and form one; true if it did.
+    /// Joins the last token of `body` with the next one if both are words or numbers and form a single one; true if it did.
     fn paste(
         &mut self,
         body: &mut Vec<Token>,
@@ -197,7 +197,7 @@ impl Preprocessor<'_> {
         args: &MacroArguments<'_>,
         place: SourcePlace,
     ) -> bool {
-        // Where the right side is a parameter, its argument is pasted as it was written.
+        // If the right side is a parameter, its unexpanded argument is pasted.
         let argument = match right.kind {
             TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i, true)),
             _ => None,
@@ -210,7 +210,7 @@ impl Preprocessor<'_> {
         let (Some(left), Some((first, rest))) = (body.last().and_then(word), right.split_first()) else { return false };
         let Some(first) = word(first) else { return false };
         let text = format!("{}{}", self.session.names.get(left), self.session.names.get(first));
-        // Both texts must form one token, which the end of line follows.
+        // The joined text must be exactly one token, followed by the line end.
         let tokens = super::lexer::lex(self.session, place.span.source, &text).tokens;
         let [Token { kind, .. }, _] = tokens[..] else { return false };
         body.pop();
@@ -227,7 +227,7 @@ impl Preprocessor<'_> {
         let mut at = 0;
         while let Some(token) = definition.body.get(at) {
             at += 1;
-            // `a ## b`: what was written on both sides becomes one word.
+            // `a ## b`: the unexpanded texts of both sides are joined to one word.
             if is_paste(&definition.body, at - 1) {
                 let right = definition.body.get(at + 1);
                 if let Some(right) = right.filter(|_| at > 1)
@@ -262,32 +262,32 @@ impl Preprocessor<'_> {
     }
 }
 
-/// Arguments of one macro call by their position, each a list of tokens.
+/// Arguments of one macro call by position, each a list of tokens.
 #[derive(Debug, Clone, Copy, Default)]
 struct MacroArguments<'a> {
     expanded: &'a [Vec<Token>],
-    /// As they were written; empty if the macro pastes nothing.
+    /// Unexpanded arguments; empty if the macro does not paste tokens.
     written: &'a [Vec<Token>],
 }
 
 impl<'a> MacroArguments<'a> {
-    /// Argument `i`; `as_written`: it stands beside `##`.
+    /// Argument `i`; `as_written` for an argument beside `##`, which is not expanded.
     fn get(&self, i: usize, as_written: bool) -> Option<&'a Vec<Token>> {
         if as_written { self.written.get(i) } else { self.expanded.get(i) }
     }
 }
 
-/// Does `##` stand at token `i`?
+/// True if token `i` begins a `##`.
 fn is_paste(body: &[Token], i: usize) -> bool {
     matches!(body.get(i..i + 2), Some([a, b]) if a.is('#') && b.is('#') && b.glued)
 }
 
-/// Does a macro's body paste tokens?
+/// True if the macro's body contains `##`.
 fn pastes(body: &[Token]) -> bool {
     (0..body.len()).any(|i| is_paste(body, i))
 }
 
-/// A token without the mark that stops its expansion.
+/// The token without the bit that disables its expansion.
 fn without_mark(mut token: Token) -> Token {
     token.place.origin &= !EXPANSION_DISABLED;
     token

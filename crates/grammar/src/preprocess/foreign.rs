@@ -1,8 +1,9 @@
-//! Recognises files of other programs whose names have the same ending.
+//! Recognises files of other programs that have the same filename extension.
 
 use crate::token::{NameTable, SourcePlace, Token, TokenKind};
 
-/// The program that a file is written for, and the line that identifies it, if it is one whose language is not supported.
+/// The program that a file is written for, and the place of the line that identifies it; `None` unless that program's
+/// language is unsupported or has a reader of its own.
 pub(super) fn detect(names: &NameTable, tokens: &[Token]) -> Option<(&'static str, SourcePlace)> {
     tokens.split(Token::is_newline).find_map(|line| {
         let (first, last) = (line.first()?, line.last()?);
@@ -10,7 +11,7 @@ pub(super) fn detect(names: &NameTable, tokens: &[Token]) -> Option<(&'static st
     })
 }
 
-/// The program of such a line; `None` for a line that may belong to cpfg.
+/// The program that this line identifies; `None` for a line that may belong to cpfg.
 fn program(names: &NameTable, line: &[Token]) -> Option<&'static str> {
     let (first, last) = (line.first()?, line.last()?);
     let word = |t: &Token| if let TokenKind::Ident(n) = t.kind { names.get(n) } else { "" };

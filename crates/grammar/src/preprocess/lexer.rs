@@ -1,11 +1,11 @@
-//! Bytes to text to tokens: encodings, spliced lines, comments.
+//! Decodes bytes to text and splits text into tokens: encodings, spliced lines, comments.
 
 use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
 use osier_base::convert::saturating_index;
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
-/// Text of a file's bytes and whether they had to be read as Latin-1. A byte order mark is dropped; line ends of a lone CR
-/// become LF, so that lines are counted as their writer saw them.
+/// Text of a file, and whether it had to be decoded as Latin-1. A byte order mark is removed; line ends of a single CR
+/// become LF, so that line numbers are right.
 pub(super) fn decode(bytes: &[u8]) -> (String, bool) {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let ends_with_cr = |i: usize| bytes.get(i) == Some(&b'\r') && bytes.get(i + 1) != Some(&b'\n');
@@ -20,10 +20,10 @@ pub(super) fn decode(bytes: &[u8]) -> (String, bool) {
     }
 }
 
-/// Bytes that [`is_utf16`] looks at.
+/// Number of bytes that [`is_utf16`] inspects.
 const UTF16_SAMPLE: usize = 4096;
 
-/// Is the file UTF-16? It begins with the byte order mark of UTF-16, or every other byte of its start is 0.
+/// True if the file is UTF-16: it begins with the byte order mark of UTF-16, or every other byte at its start is 0.
 pub(super) fn is_utf16(bytes: &[u8]) -> bool {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return true;
@@ -31,18 +31,19 @@ pub(super) fn is_utf16(bytes: &[u8]) -> bool {
     let sample = bytes.get(..UTF16_SAMPLE).unwrap_or(bytes);
     let zeros = |first: usize| sample.iter().skip(first).step_by(2).filter(|b| **b == 0).count();
     let (even, odd) = (zeros(0), zeros(1));
-    // Text in Latin script has a zero in nearly every pair, always on the same side.
+    // Latin text in UTF-16 has a zero in nearly every pair of bytes, always on the same side.
     sample.len() >= 4 && even.min(odd) == 0 && even.max(odd) * 4 > sample.len()
 }
 
-/// A file as tokens, ending in a newline, with the places of its comments.
+/// The tokens of a file, which end in a newline, and the places of its comments.
 #[derive(Debug, Default)]
 pub(super) struct LexedText {
     pub tokens: Vec<Token>,
     pub comments: Vec<Span>,
 }
 
-/// Splits a text into tokens, whose places are bytes of `text`. Errors and the warnings L014 and L057 go to the session.
+/// Splits a text into tokens, whose places are byte ranges of `text`. Errors and the warnings L014 and L057 go to the
+/// session.
 pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> LexedText {
     warn_of_joined_lines(session, source, text);
     let mut lexer = Lexer {
@@ -58,11 +59,11 @@ pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> L
     lexer.out
 }
 
-/// Characters with their byte offsets; backslash-newline removed, CRLF and CR turned into LF.
+/// Characters with their byte offsets; backslash-newline is removed, and CRLF and CR become LF.
 fn splice(text: &str) -> Vec<(u32, char)> {
     let bytes = text.as_bytes();
     let mut out = Vec::with_capacity(text.len());
-    // Offsets refer to the original text, so that locations stay exact across spliced lines.
+    // Offsets refer to the original text, so that places stay exact across spliced lines.
     let mut skip_to = 0;
     let (mut starts_line, mut is_directive) = (true, false);
     for (i, c) in text.char_indices() {
@@ -72,7 +73,7 @@ fn splice(text: &str) -> Vec<(u32, char)> {
         is_directive = if starts_line { c == '#' } else { is_directive };
         starts_line = c == '\n' || (starts_line && c.is_whitespace());
         match c {
-            // Some writers double the backslash that continues a directive.
+            // Some authors double the backslash that continues a directive.
             '\\' if is_directive && bytes[i + 1..].starts_with(b"\\\n") => skip_to = i + 3,
             '\\' if is_directive && bytes[i + 1..].starts_with(b"\\\r\n") => skip_to = i + 4,
             '\\' if bytes.get(i + 1) == Some(&b'\n') => skip_to = i + 2,
@@ -87,11 +88,12 @@ fn splice(text: &str) -> Vec<(u32, char)> {
     out
 }
 
-/// First words of items: a line that begins with one was not meant to continue the line before (L057).
+/// First words of items: a line that begins with one is not meant to continue the line before (L057).
 const LINE_WORDS: [&str; 9] =
     ["axiom", "derivation", "decomposition", "homomorphism", "endlsystem", "lsystem", "ignore", "consider", "maximum"];
 
-/// L057: a roll at the end of a production, `\\`, joins the next line, which is a production or an item of its own.
+/// L057: the backslash of a roll command at the end of a production joins the next line, which is a production or an item
+/// itself.
 fn warn_of_joined_lines(session: &mut ParseSession, source: SourceId, text: &str) {
     let mut start = 0;
     for line in text.split_inclusive('\n') {
@@ -114,15 +116,15 @@ fn warn_of_joined_lines(session: &mut ParseSession, source: SourceId, text: &str
     }
 }
 
-/// Is the text a list of modules rather than words? Words have several small letters in a row, outside the parentheses of
-/// parameters. `touches`: no blank stands after the `//`, and either none stands before it or a module in the text has
-/// parameters. Few write comments in this way.
+/// True if the text after `//` is probably a list of modules rather than words, which have several lower-case letters in a
+/// row outside parentheses. `touches`: no blank follows the `//`, and either none precedes it or a module in the text has
+/// parameters; few authors write comments in this way.
 fn looks_like_modules(text: &str, touches: bool) -> bool {
     let (mut depth, mut small, mut has_turns, mut has_symbols) = (0_u32, 0_u32, false, false);
     let mut before = ' ';
     for c in text.chars() {
         match c {
-            // Parameters follow their symbol without a blank.
+            // A parameter list follows its symbol without a blank.
             '(' if depth > 0 || !before.is_whitespace() => depth += 1,
             ')' => depth = depth.saturating_sub(1),
             _ if depth > 0 => {}
@@ -138,7 +140,8 @@ fn looks_like_modules(text: &str, touches: bool) -> bool {
     (has_symbols || has_turns) && (touches || (has_turns && has_symbols))
 }
 
-/// What follows the angle of a second roll, `(30)A`, if that is a module without a blank before it; comments continue with a blank.
+/// The text after the angle of a second roll, as in `(30)A`, if a module follows without a blank; in comments a blank
+/// follows.
 fn behind_angle(text: &str) -> Option<&str> {
     let inner = text.strip_prefix('(')?;
     let mut depth = 1_u32;
@@ -157,7 +160,7 @@ fn behind_angle(text: &str) -> Option<&str> {
 struct Lexer<'a> {
     session: &'a mut ParseSession,
     source: SourceId,
-    /// With offsets of 32 bits: texts are limited far below that, and a long one takes half the memory.
+    /// Characters with 32-bit offsets, which suffice for the limited length of texts and halve the memory of long ones.
     chars: Vec<(u32, char)>,
     i: usize,
     end: usize,
@@ -165,11 +168,11 @@ struct Lexer<'a> {
     out: LexedText,
 }
 
-/// Where the lexer is in a production.
+/// Position of the lexer within a production.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum RuleState {
     Elsewhere,
-    /// After this number of characters of `-->`.
+    /// After this many characters of `-->`.
     Arrow(u8),
     Successor,
 }
@@ -184,7 +187,7 @@ impl Lexer<'_> {
     }
 
     fn run(&mut self) {
-        // `glued` is false after blanks, line ends and comments: what they separate is no operator.
+        // `glued` is false after blanks, line ends and comments, because tokens that they separate do not form an operator.
         let mut glued = false;
         while let Some(c) = self.peek(0) {
             let start = self.offset();
@@ -212,7 +215,7 @@ impl Lexer<'_> {
                     let place = SourcePlace::bare(Span::new(self.source, start, start + 1));
                     let help = "remove the byte, and save the file as text in UTF-8";
                     self.session.fault("unexpected NUL byte, expected text", place, "NUL byte", help);
-                    // A run of them, as a damaged disk leaves it, is one error.
+                    // Report a run of NUL characters, as left by a damaged disk, as one error.
                     while self.peek(0) == Some('\0') {
                         self.i += 1;
                     }
@@ -220,11 +223,11 @@ impl Lexer<'_> {
                 }
                 _ => {}
             }
-            // A `#` that begins a line: the pragma must take effect before the next token.
+            // At a `#` that begins a line: the pragma must take effect before the next token.
             if c == '#' && self.out.tokens.last().is_none_or(Token::is_newline) {
                 self.pragma();
             }
-            // `-->` begins a successor, in which `//` may be two modules (L014).
+            // `-->` begins a successor, in which `//` may stand for two modules (L014).
             self.rule = match (self.rule, c) {
                 (RuleState::Successor, _) => RuleState::Successor,
                 (RuleState::Arrow(2), '>') if glued => RuleState::Successor,
@@ -237,13 +240,13 @@ impl Lexer<'_> {
             self.out.tokens.push(Token { kind, place, glued });
             glued = true;
         }
-        // The last line of a file may lack its end.
+        // Add the line end that the last line of a file may lack.
         if !self.out.tokens.last().is_some_and(Token::is_newline) {
             self.newline(self.end);
         }
     }
 
-    /// End of the character before the cursor.
+    /// Byte offset of the end of the character before the cursor.
     fn last_end(&self) -> usize {
         self.i.checked_sub(1).and_then(|i| self.chars.get(i)).map_or(0, |(o, c)| *o as usize + c.len_utf8())
     }
@@ -268,7 +271,7 @@ impl Lexer<'_> {
     }
 
     fn token(&mut self, c: char) -> TokenKind {
-        // Numbers begin with a digit or with a dot before a digit; a lone dot is a symbol.
+        // Numbers begin with a digit, or with a dot before a digit; any other dot is a symbol.
         let digit_after_dot = c == '.' && self.peek(1).is_some_and(|d| d.is_ascii_digit());
         if c.is_ascii_alphabetic() || c == '_' {
             let text = self.take_while(|c| c.is_ascii_alphanumeric() || c == '_');
@@ -284,7 +287,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// Digits, one dot, more digits, and an exponent only if it has digits.
+    /// Reads digits, one dot, more digits, and an exponent if it has digits.
     fn number(&mut self) -> String {
         let mut text = self.take_while(|c| c.is_ascii_digit());
         if self.peek(0) == Some('.') {
@@ -292,7 +295,7 @@ impl Lexer<'_> {
             self.i += 1;
             text.push_str(&self.take_while(|c| c.is_ascii_digit()));
         }
-        // `2e` without digits is the number 2 and the symbol e.
+        // In `2e` without exponent digits, 2 is the number and e a symbol.
         if matches!(self.peek(0), Some('e' | 'E')) {
             let signed = matches!(self.peek(1), Some('+' | '-'));
             if self.peek(1 + usize::from(signed)).is_some_and(|c| c.is_ascii_digit()) {
@@ -306,7 +309,7 @@ impl Lexer<'_> {
         text
     }
 
-    /// A quoted text on one line; a quote without a partner is a symbol like any other.
+    /// Reads a quoted text on one line; a quote without a partner is a symbol like any other.
     fn string(&mut self) -> TokenKind {
         let line = self.chars[self.i + 1..].iter().take_while(|c| c.1 != '\n');
         let Some(length) = line.map(|c| c.1).position(|c| c == '"') else {
@@ -318,7 +321,7 @@ impl Lexer<'_> {
         TokenKind::Text(self.session.names.intern(&text))
     }
 
-    /// `#pragma osier comments block`: from here on `//` is two symbols.
+    /// Handles `#pragma osier comments block`: from here on `//` is two symbols.
     fn pragma(&mut self) {
         let line: String = self.chars[self.i + 1..].iter().map(|c| c.1).take_while(|c| *c != '\n').collect();
         if line.split_whitespace().eq(["pragma", "osier", "comments", "block"]) {
@@ -326,7 +329,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// L014: `//` in a successor before what looks like modules. `glued`: no blank stands before it.
+    /// L014: a `//` in a successor followed by what looks like modules. `glued`: no blank precedes it.
     fn check_hidden_modules(&mut self, start: usize, glued: bool) {
         let rest: String = self.chars[self.i + 2..].iter().map(|c| c.1).take_while(|c| *c != '\n').collect();
         let has_parameters = rest.as_bytes().windows(2).any(|w| w[0].is_ascii_alphabetic() && w[1] == b'(');
@@ -348,7 +351,7 @@ impl Lexer<'_> {
 
     fn comment(&mut self, glued: bool) {
         let start = self.offset();
-        // A line comment keeps its line end, which ends the logical line.
+        // A line comment does not include its line end, which ends the logical line.
         if self.peek(1) == Some('/') {
             self.check_hidden_modules(start, glued);
             while self.peek(0).is_some_and(|c| c != '\n') {

@@ -1,4 +1,4 @@
-//! The preprocessor: a grammar file and what it includes become one list of expanded tokens.
+//! The preprocessor: merges a grammar file and its includes into one list of expanded tokens.
 
 pub(super) mod brackets;
 mod define;
@@ -17,12 +17,13 @@ use osier_base::Result;
 use osier_base::diagnostic::{Sources, Span};
 use osier_base::limits::Limits;
 
-/// Finds an included file: (reference as written, shown name of the including file) to (shown name, bytes).
+/// Finds an included file. Arguments: reference as written, displayed name of the including file. Returns the displayed name
+/// and the bytes.
 pub type Includes<'a> = dyn FnMut(&str, &str) -> Result<(String, Vec<u8>)> + 'a;
 
 #[derive(Debug, Clone)]
 struct MacroDefinition {
-    /// `None` = without arguments.
+    /// Parameter names; `None` for a macro without arguments.
     params: Option<Rc<[u32]>>,
     body: Rc<[Token]>,
 }
@@ -30,7 +31,7 @@ struct MacroDefinition {
 /// Kind of a frame of the reading stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FrameKind {
-    /// A file; the number of open `#if` when it began.
+    /// A file, with the number of conditionals open at its beginning.
     File { conditions: usize },
     /// A macro's body after substitution.
     Macro { name: u32 },
@@ -45,7 +46,7 @@ struct TokenFrame {
     kind: FrameKind,
 }
 
-/// An `#if` without its `#endif` so far; `taken`: one of its branches was active.
+/// An `#if` that is not closed by `#endif` yet; `taken`: one of its branches was active.
 #[derive(Debug, Clone, Copy)]
 struct OpenConditional {
     active: bool,
@@ -60,34 +61,34 @@ struct Preprocessor<'a> {
     overrides: BTreeMap<u32, Rc<[Token]>>,
     macros: BTreeMap<u32, MacroDefinition>,
     frames: Vec<TokenFrame>,
-    /// Names of the files that are being read, the main file first.
+    /// Displayed names of the files being read, the main file first.
     files: Vec<String>,
     comments: Vec<Span>,
     conditions: Vec<OpenConditional>,
     defines: Vec<Define>,
-    /// Names of all definitions so far.
+    /// Names of all macros defined so far.
     defined: std::collections::BTreeSet<u32>,
     included: u64,
     produced: u64,
     depth: u32,
     break_glue: bool,
-    /// A limit was passed: no more macros are expanded.
+    /// True after a limit was exceeded: macros are no longer expanded.
     exhausted: bool,
     is_foreign: bool,
     limits: &'a Limits,
 }
 
-/// Tokens of the grammar after all directives and macros, with what was read beside them.
+/// Tokens of the grammar after preprocessing, with the other data collected from the text.
 pub(super) struct Preprocessed {
     pub tokens: Vec<Token>,
     pub defines: Vec<Define>,
-    /// The comment that opens the main file.
+    /// The comment at the beginning of the main file.
     pub description: String,
-    /// Written for another program, or grown beyond a limit: there is nothing to parse.
+    /// True if the file was written for another program or exceeds a limit, so that there is nothing to parse.
     pub is_unreadable: bool,
 }
 
-/// The main file, and what its directives may use: includes, values of `--set`, limits.
+/// The main file and the inputs of its directives: includes, values of `--set`, limits.
 pub(super) struct PreprocessorInput<'a> {
     pub name: &'a str,
     pub bytes: &'a [u8],
@@ -96,9 +97,9 @@ pub(super) struct PreprocessorInput<'a> {
     pub limits: &'a Limits,
 }
 
-/// Reads a file with all that it includes and expands its macros; errors go to the session.
+/// Reads a file with everything it includes and expands its macros; errors go to the session.
 pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: PreprocessorInput<'_>) -> Preprocessed {
-    // Values of `--set` are lexed like a macro's body, so that they can be expressions.
+    // Lex values of `--set` like the body of a macro, so that they can be expressions.
     let mut overrides = BTreeMap::new();
     for (name, value) in input.defines {
         let source = sources.add(format!("--set {name}"), value.as_str());
@@ -106,7 +107,7 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
         tokens.retain(|t| !t.is_newline());
         overrides.insert(session.names.intern(name), Rc::from(tokens));
     }
-    // The lifetimes of the borrowed parts differ; a local shortens them to one.
+    // Give the borrowed parts, whose lifetimes differ, one common lifetime.
     let includes = input.includes;
     let mut p = Preprocessor {
         session,
@@ -141,7 +142,7 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
 
 impl Preprocessor<'_> {
     fn predefine(&mut self) {
-        // `OSIER`, and the functions of companion files by their names.
+        // Predefine `OSIER`, and the names of functions in companion files.
         let functions = std::sync::Arc::clone(&self.session.functions);
         for (name, value) in [("OSIER", 1)].into_iter().chain(functions.names()) {
             let text = value.to_string();
@@ -153,7 +154,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// Puts a file on top of the reading stack.
+    /// Pushes a file onto the reading stack.
     fn open_file(&mut self, name: &str, bytes: &[u8]) {
         if lexer::is_utf16(bytes) {
             let start = SourcePlace::start_of(self.sources.add(name, ""));
@@ -181,9 +182,9 @@ impl Preprocessor<'_> {
             return;
         }
         let lexed = lexer::lex(self.session, source, &text);
-        // Files of other programs would only produce misleading errors; stop at the first line that identifies one.
+        // Files of other programs would only cause misleading errors: stop at the first line that identifies one.
         if let Some((program, place)) = foreign::detect(&self.session.names, &lexed.tokens) {
-            // L-Py has a reader of its own, which a heading of cpfg or `--dialect` has kept from the file.
+            // L-Py has a reader of its own, but a heading of cpfg or `--dialect` has selected this one.
             let (message, help) = if program == "L-Py" {
                 let message = format!("\"{name}\" is read as a grammar of cpfg, but has a line of {program}");
                 (message, "remove this line; or remove 'Lsystem:' or give --dialect lpy, to have it read as L-Py")
@@ -209,7 +210,7 @@ impl Preprocessor<'_> {
         lines.collect::<Vec<_>>().join(" ").trim().to_owned()
     }
 
-    /// A comment without its signs, on one line.
+    /// The text of a comment without its delimiters, on one line.
     fn comment_text(&self, span: Span) -> String {
         let text = self.sources.text(span.source).get(span.start as usize..span.end as usize).unwrap_or("");
         let text = text.trim_start_matches(['/', '*']).trim_end_matches(['/', '*']);

@@ -32,7 +32,7 @@ fn choices_are_those_of_cpfg() {
 }
 
 #[test]
-fn functions_draw_as_in_cpfg() {
+fn random_functions_match_cpfg() {
     // drand48 after srand48(0): 0.170828, 0.749902, 0.0963717, 0.870465, 0.577304.
     assert_eq!(one_step("", "AA", "A --> V(ran(1),ran(2))"), "V(0.170828,1.4998)V(0.0963717,1.74093)");
     assert_eq!(
@@ -639,7 +639,7 @@ fn derivation_lengths_of_lpy_may_end_with_a_semicolon() {
     assert_eq!(lpy(&text("Axiom: A(1)")), "A(3)BB");
     let plain = text("Axiom: A(1)").replace(" # steps", "");
     assert_eq!(lpy(&plain), "A(3)BB");
-    // In L+C the axiom ends with one, too.
+    // In L+C the axiom, too, ends with a semicolon.
     let said =
         try_read(&plain.replace("Axiom: A(1)", "Axiom: A(1);")).err().map_or_else(String::new, |e| e.to_string());
     assert!(said.contains("L007") && said.contains("cpfg"), "{said}");
@@ -789,7 +789,7 @@ fn functions_of_lpy_may_have_defaults_and_named_arguments() {
 }
 
 #[test]
-fn arguments_of_lpy_may_draw_where_they_are_read_once() {
+fn random_arguments_of_lpy_may_be_used_once() {
     let head = "def f(x): return 2*x + 1\ndef g(x): return x*x\ndef h(x): return x if x > 1 else 0\n\
                 def k(x, c): return x if c else -x\ndef s(x): return sum([x*i for i in range(3)])\ndef t(x): return f(f(x))\n";
     let model = |rule: &str| format!("{head}Axiom: A(0)\nproduction:\nA(x) --> {rule}\n");

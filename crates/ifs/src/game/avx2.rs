@@ -1,5 +1,5 @@
-//! Steps of plane systems of up to 16 maps with AVX2, eight lanes to a register. The bits are those of the plain loops:
-//! the same products and sums in the same order.
+//! Steps of plane systems of up to 16 maps with AVX2, eight lanes to a register. The results equal those of the scalar
+//! loops bit for bit: the same products and sums in the same order.
 
 use std::arch::x86_64::{__m256, __m256i};
 
@@ -10,7 +10,7 @@ use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 
 /// Numbers of 32 bits in an AVX2 register.
 const WIDTH: usize = 8;
-/// Registers stepped side by side: enough to hide how long an addition takes.
+/// Number of registers that are stepped in turn, enough to hide the latency of an addition.
 const REGISTERS: usize = 2;
 
 /// Coefficients by map: a b c d e f, each as two registers of eight maps.
@@ -42,8 +42,8 @@ impl CoefficientTable {
     }
 }
 
-/// Fills a chunk; `false`, with nothing done, without AVX2 and for systems that are not plane, have more than 16 maps or a chaos
-/// matrix.
+/// Fills a chunk. Returns `false` and does nothing without AVX2, and for systems that are not plane, have more than 16
+/// maps or have a chaos matrix.
 pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) -> bool {
     if game.dim != 2 || game.maps.len() > 16 || game.rows.len() != 1 {
         return false;
@@ -150,7 +150,7 @@ fn draw(simd: V3, s: &mut [[__m256i; REGISTERS]; 4], k: usize) -> __m256i {
     i._mm256_srli_epi32::<1>(result)
 }
 
-/// Eight maps: how many thresholds each draw reaches.
+/// Indices of eight maps: for each draw the number of thresholds that it reaches.
 #[inline(always)]
 fn pick(simd: V3, table: &CoefficientTable, draw: __m256i) -> __m256i {
     let mut map = simd.avx._mm256_set1_epi32(0);
@@ -186,7 +186,7 @@ fn apply_map<const WIDE: bool>(simd: V3, table: &CoefficientTable, map: __m256i,
     (*x, *y) = (next_x, next_y);
 }
 
-/// As [`super::images`]; `false`, with nothing done, without AVX2.
+/// AVX2 variant of [`super::images`]. Returns `false` and does nothing without AVX2.
 pub(super) fn images(map: &Coefficients, place: [&[f32]; 3], layout: TileLayout, out: &mut [u32]) -> bool {
     let Some(simd) = V3::try_new() else { return false };
     if place[2].is_empty() {
@@ -223,7 +223,7 @@ impl<const DEEP: bool> pulp::NullaryFnOnce for ImageKernel<'_, DEEP> {
         let (within_tile, outside) = (i._mm256_set1_epi32(31), i._mm256_set1_epi32(layout.outside() as i32));
         let zero = i._mm256_set1_ps(0.0);
         let c = map.map(|v| i._mm256_set1_ps(v));
-        // Ordered comparisons: false for what is not a number.
+        // Ordered comparisons are false for NaN.
         let within =
             |v: __m256, end: __m256| i._mm256_and_ps(i._mm256_cmp_ps::<13>(v, zero), i._mm256_cmp_ps::<1>(v, end));
         let (full, rest) = out.split_at_mut(out.len() / WIDTH * WIDTH);

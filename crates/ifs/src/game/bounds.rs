@@ -63,7 +63,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
         }
         escapes = escapes.plus(found);
     }
-    // The extent is that of the points as they are drawn: after the final map.
+    // Measure the points as they are drawn: after the final map.
     if let Some(last) = &ifs.last {
         show(last, &mut all);
     }

@@ -77,7 +77,8 @@ fn point(shape: &CondensationShape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
     }
 }
 
-/// A point of a polygon: a triangle of the fan from its first corner by area, then a place in it.
+/// A uniformly distributed point of a polygon: picks a triangle of the fan from the first corner by area, then a point
+/// in it.
 fn polygon_point(points: &[[f64; 2]], [u, v, w]: [f64; 3]) -> DVec3 {
     let corner = |i: usize| points.get(i).map_or(DVec3::ZERO, |p| DVec3::new(p[0], p[1], 0.0));
     let area = |i: usize| (corner(i) - corner(0)).cross(corner(i + 1) - corner(0)).z.abs();

@@ -1,4 +1,4 @@
-//! 32 chains side by side, in plain loops: the reference that faster instructions are held to.
+//! 32 chains side by side, in scalar loops: the reference whose results the SIMD loops must reproduce.
 
 use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 
@@ -92,7 +92,7 @@ impl Lanes {
     }
 }
 
-/// As [`super::images`]: products and sums in the order of a step, never fused.
+/// Scalar variant of [`super::images`]: products and sums in the order of a step, never fused.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -1,5 +1,5 @@
-//! Where the cells of a picture lie in memory: in square tiles, so that what is near in the picture is near in memory, and
-//! rows of a power of two do not fall on each other in the caches.
+//! Memory layout of the cells of a picture: square tiles, so that neighbouring pixels are close in memory, and rows of
+//! a power of two do not compete for the same cache lines.
 
 use osier_base::par::par_each;
 
@@ -7,7 +7,7 @@ use osier_base::par::par_each;
 const SIDE: usize = 5;
 const MASK: usize = (1 << SIDE) - 1;
 
-/// Cells of a picture, tile after tile, with one more for what falls outside.
+/// Cells of a picture, tile after tile, with one more cell for points outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileLayout {
     /// Pixels per row of the picture.
@@ -27,7 +27,7 @@ impl TileLayout {
         (self.across() * self.height.div_ceil(1 << SIDE)) << (2 * SIDE)
     }
 
-    /// Number of cells, with the unused ones of tiles that reach beyond the picture and the one of the outside.
+    /// Number of cells, including the unused ones of tiles that reach beyond the picture and the cell of the outside.
     pub fn cells(self) -> usize {
         self.outside() + 1
     }
@@ -39,7 +39,7 @@ impl TileLayout {
         (tile << (2 * SIDE)) | ((y & MASK) << SIDE) | (x & MASK)
     }
 
-    /// A value for every pixel from its cell, rows from the top.
+    /// Computes a value for every pixel from the index of its cell, rows from the top.
     pub fn rows<T: Default + Clone + Send>(self, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
         let mut out = vec![T::default(); self.width * self.height];
         let mut rows: Vec<(usize, &mut [T])> = out.chunks_mut(self.width.max(1)).enumerate().collect();

@@ -70,7 +70,7 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    /// A chunk without valid steps; boxed, for its arrays are too large for the stacks of threads.
+    /// A chunk without valid steps, boxed because its arrays are too large for the stacks of threads.
     pub fn new() -> Box<Self> {
         let zero = [[0.0; LANES]; CHUNK_STEPS];
         Box::new(Self { steps: 0, x: zero, y: zero, z: zero, map: [[0; LANES]; CHUNK_STEPS] })
@@ -81,7 +81,8 @@ impl Chunk {
 pub trait PointSink {
     /// Receives up to [`CHUNK_STEPS`] steps of all lanes, of which `chunk.steps` are valid.
     fn take(&mut self, chunk: &Chunk);
-    /// Receives steps of the warm-up: no points of the result, but the words of the points after them begin here.
+    /// Receives steps of the warm-up. Their points are not drawn, but their maps are part of the words of the points
+    /// that follow.
     fn warm_up(&mut self, _chunk: &Chunk) {}
     /// A block begins: state of the block before must be cleared.
     fn begin(&mut self) {}
@@ -89,17 +90,17 @@ pub trait PointSink {
     fn restart(&mut self, _lane: usize) {}
 }
 
-/// Tests of the guard, and how many lanes it found outside.
+/// Number of tests for escaped lanes, and how many lanes had escaped.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Escapes {
     /// Number of lanes tested: [`LANES`] for each test of a block.
     pub tests: u64,
-    /// Lanes found beyond the guard or not finite.
+    /// Number of lanes found beyond the guard radius or not finite.
     pub found: u64,
 }
 
 impl Escapes {
-    /// The sums of both counts, as over two blocks.
+    /// Sums of the counts of two blocks.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self { tests: self.tests + other.tests, found: self.found + other.found }
@@ -114,12 +115,12 @@ pub(super) type Coefficients = [f32; 12];
 pub struct ChaosGame {
     maps: Vec<Coefficients>,
     dim: usize,
-    /// Sums of probabilities as 31-bit numbers, one row, or with a chaos matrix one per last map.
+    /// Running sums of probabilities as 31-bit numbers: one row, or with a chaos matrix one row for each last map.
     rows: Vec<Vec<u32>>,
     start: [f32; 3],
     /// Map that counts as the last one before the first step.
     first: u32,
-    /// Number of maps: what points of the condensation set are labelled with.
+    /// Number of maps, which is also the label of points of the condensation set.
     map_count: u32,
     warm_up: u32,
     guard: f32,
@@ -179,7 +180,7 @@ impl ChaosGame {
         self.map_count
     }
 
-    /// A stream of draws beside those of the lanes.
+    /// A random stream independent of those of the lanes, addressed by purpose and block.
     pub(super) fn draws(&self, what: &str, block: u64) -> Rng {
         Rng::at(self.seed, &["ifs".into(), self.id.into(), what.into(), block.into()])
     }
@@ -193,13 +194,14 @@ impl ChaosGame {
         self.tier
     }
 
-    /// Blocks, and steps of each lane, for `points` points; the last step may make more points than asked for.
+    /// Number of blocks and of steps of each lane for `points` points; the last step may make more points than asked
+    /// for.
     pub fn plan(points: u64) -> (u64, u64) {
         let blocks = points.div_ceil(MAX_BLOCK_POINTS).max(MIN_BLOCKS);
         (blocks, points.div_ceil(blocks * LANES as u64))
     }
 
-    /// Plays one block of `steps` steps into a sink.
+    /// Plays one block of `steps` steps and passes its points to `sink`.
     /// Source: M. Barnsley, "Fractals Everywhere", 1988: the random iteration algorithm, 32 chains at a time.
     pub fn play(&self, block: u64, steps: u64, sink: &mut impl PointSink) -> Escapes {
         let mut lanes = self.lanes(block);
@@ -236,7 +238,7 @@ impl ChaosGame {
         lanes
     }
 
-    /// Up to `left` steps, at most a chunk; returns how many.
+    /// Advances by up to `left` steps, at most one chunk; returns the number of steps.
     fn advance(&self, lanes: &mut Lanes, chunk: &mut Chunk, left: u64) -> u64 {
         chunk.steps = limit(left).min(CHUNK_STEPS);
         let steps = chunk.steps as u64;
@@ -269,7 +271,8 @@ impl ChaosGame {
     }
 }
 
-/// Cell of the image of every place under a map; the one outside for images beyond the picture.
+/// Index of the cell that the image of every point under a map falls into; the outside cell for images beyond the
+/// picture.
 /// `place`: as many x and y as `out` is long, and as many z or, for maps of the plane, none.
 pub(super) fn images(
     tier: InstructionSet,

@@ -17,7 +17,7 @@ pub struct FlatBlade {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Cuts the inside of rings (outline first, then holes; y up) into triangles along a midrib, with points between on a
+/// Triangulates the inside of rings (outline first, then holes; y up) with edges along the midrib and inner points on a
 /// hexagonal grid of the given spacing.
 /// Source: L. P. Chew, "Constrained Delaunay triangulations", 1989.
 pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> FlatBlade {
@@ -118,7 +118,7 @@ fn hexagonal_grid(rings: &[Vec<DVec2>], spacing: f64) -> Vec<DVec2> {
 pub struct BladePose {
     /// Distance from anchor to tip, m.
     pub size: f64,
-    /// Width over `size`; `None`: as the table has it.
+    /// Width divided by `size`; `None` keeps the proportions of the table.
     pub width: Option<f64>,
     /// Droop from base to tip, rad.
     pub curl: f64,
@@ -130,7 +130,7 @@ pub struct BladePose {
     pub petiole: (f64, f64),
 }
 
-/// Where a blade lies on its pixels, y up.
+/// Position of a blade on its maps, y up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BladePlacement {
     /// Pixels along a side of the maps.
@@ -175,7 +175,7 @@ pub fn bent(flat: &FlatBlade, place: &BladePlacement, pose: &BladePose) -> Mesh 
     mesh.with_material(0)
 }
 
-/// Factor across the blade that gives it `width`, shares of its length.
+/// Factor across the blade that makes it `width` times its length wide; 1 if no width is given.
 fn width_factor(flat: &FlatBlade, length: f64, width: Option<f64>) -> f64 {
     let x = || flat.points.iter().map(|p| p.x);
     // Width of the drawn blade over its length.
@@ -213,7 +213,7 @@ fn vertex_normals(mesh: &Mesh) -> Vec<Vec3> {
     normals.iter().map(|n| math::normalize_or(*n * 1e6, Vec3::Z)).collect()
 }
 
-/// A thin tube from the origin to the blade, on the colours of the blade's foot.
+/// Adds the stalk: a thin tube from the origin to the blade, with the map's colours at the blade's foot.
 fn add_petiole(mesh: &mut Mesh, place: &BladePlacement, pose: &BladePose) {
     const SIDES: u32 = 4;
     let (length, radius) = pose.petiole;

@@ -24,7 +24,7 @@ pub struct DrawnLeaf {
     pub normal: Vec<u8>,
     /// Roughness, 0 smooth to 255 matt, a byte a pixel.
     pub rough: Vec<u8>,
-    /// Relief, 0 low, as outside the leaf, to 65,535, 16 bits a pixel.
+    /// Relief, 16 bits a pixel: 0 (low, also outside the leaf) to 65,535.
     pub height: Vec<u16>,
     /// Triangulated blade, pixels of the maps, y up.
     pub flat: FlatBlade,
@@ -34,7 +34,7 @@ pub struct DrawnLeaf {
     pub ends: [DVec2; 2],
 }
 
-/// A leaf that is made when it is first asked for, or why it cannot be traced.
+/// A leaf that is traced on first use, or the reason why it cannot be traced.
 pub type LazyLeaf = OnceLock<Result<DrawnLeaf, Box<Diagnostic>>>;
 
 /// Traces a leaf and paints its maps: colour, normals, roughness and relief.

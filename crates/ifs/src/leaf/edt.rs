@@ -9,7 +9,7 @@
 //! assert_eq!((squares, pixels), (vec![0.0, 1.0, 4.0], vec![0, 0, 0]));
 //! ```
 
-/// Row of columns without a set pixel.
+/// Row index that marks a column without a set pixel.
 const NO_ROW: usize = usize::MAX;
 
 /// For every pixel the nearest pixel that is set, and the squared distance to it in pixels (`f64::INFINITY` and

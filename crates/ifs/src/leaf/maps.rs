@@ -1,4 +1,4 @@
-//! Fields of a leaf on its pixels: height, normals, colour.
+//! Fields of a leaf for every pixel: height, normals, colour.
 
 use super::LeafRaster;
 use osier_base::math::{exp_f32, lerp};
@@ -49,7 +49,7 @@ pub fn fields(raster: &LeafRaster, colors: &LeafColors, vein_share: f32) -> Leaf
     // Veins show as ridges of the density: the difference of a narrow and a wide blur.
     let fine = blurred(&log_density(&raster.hits), n, 2.0 * side / 1024.0);
     let wide = blurred(&fine, n, 12.0 * side / 1024.0);
-    // At least a pixel, or small maps would show stairs.
+    // Blur by at least a pixel; otherwise small maps would show stair steps.
     let rib = blurred(&raster.vein, n, (1.2 * side / 1024.0).max(1.0));
     let margin = blurred(&raster.sd, n, (side / 1024.0).max(0.8));
     let rows: Vec<usize> = (0..n).collect();
@@ -71,7 +71,7 @@ fn size(n: usize) -> f32 {
     n as f32
 }
 
-/// ln(1 + hits) over its value at the 99 % quantile of the pixels that were hit, at most 1.
+/// ln(1 + hits) divided by its value at the 99 % quantile of the pixels that were hit, at most 1.
 fn log_density(hits: &[u32]) -> Vec<f32> {
     let mut full: Vec<u32> = hits.iter().copied().filter(|h| *h > 0).collect();
     let at = full.len().saturating_sub(1) * 99 / 100;
@@ -92,7 +92,7 @@ struct PixelFields {
     wide: f32,
     /// Cover of traced veins, 0..1.
     rib: f32,
-    /// Share of the veins that the density draws, 0..1.
+    /// Strength of the veins that show in the density of hits, 0..1.
     vein_share: f32,
 }
 
@@ -106,7 +106,7 @@ struct PaintedPixel {
 /// Paints the pixel `i`: the edge's colour turns into the centre's away from the margin, veins are lighter and sunk.
 fn paint(r: &LeafRaster, c: &LeafColors, i: usize, f: &PixelFields) -> PaintedPixel {
     let PixelFields { side, margin, fine, wide, rib, vein_share: share } = *f;
-    // Outside, colours are those of the nearest pixel of the leaf, so that filtering finds no fringe.
+    // Outside, the colour is that of the leaf's nearest pixel, so that texture filtering shows no fringe.
     let inner = if r.mask.set[i] { i } else { r.nearest.get(i).copied().unwrap_or(0) as usize };
     let sd = r.sd[i];
     let depth = r.sd.get(inner).copied().unwrap_or(0.0).max(0.0);
@@ -125,7 +125,8 @@ fn paint(r: &LeafRaster, c: &LeafColors, i: usize, f: &PixelFields) -> PaintedPi
         2 => 0.94,
         _ => 1.03,
     };
-    // Distances of whole pixels make stairs; their mean over the neighbours crosses one half where the margin runs.
+    // Distances between whole pixels would give stair steps; coverage from the blurred distance is one half on the
+    // margin.
     let alpha = (0.5 + margin).clamp(0.0, 1.0);
     // The blade bulges from the margin inwards with a decay length of 4 % of the side.
     let dome = if sd > 0.0 { 1.0 - exp_f32(-sd / (0.04 * side)) } else { 0.0 };

@@ -14,9 +14,9 @@ pub struct Mask {
 /// What [`Mask::clean`] found and changed.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CleaningReport {
-    /// Components before all but the largest were dropped.
+    /// Number of connected parts before all but the largest were dropped.
     pub components: usize,
-    /// Share of the set pixels in the largest.
+    /// Share of the set pixels in the largest part.
     pub largest: f64,
     /// Number of holes that were small enough to be filled.
     pub filled: usize,
@@ -90,7 +90,7 @@ impl Mask {
         (labels, sizes)
     }
 
-    /// Which parts touch the border of the picture.
+    /// For each part, whether it touches the border of the picture.
     fn border_components(&self, labels: &[u32], count: usize) -> Vec<bool> {
         let n = self.side;
         let mut out = vec![false; count];

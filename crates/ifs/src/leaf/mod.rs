@@ -63,7 +63,7 @@ pub struct LeafSpec {
     pub fill: f64,
     /// Where the stalk meets the blade, table units; `None`: found.
     pub anchor: Option<[f64; 2]>,
-    /// The outline of the mesh stays within this of the leaf's, pixels.
+    /// Largest distance between the outline of the mesh and that of the leaf, pixels.
     pub detail: f64,
     /// Points of the midrib, at equal distances; between them the mesh has edges to fold along.
     pub rib: usize,
@@ -97,7 +97,7 @@ pub struct LeafRaster {
     pub mask: Mask,
     /// Points counted by pixel, without those beyond the picture.
     pub hits: Vec<u32>,
-    /// The commonest map by pixel, modulo 4.
+    /// The most frequent map of each pixel, modulo 4.
     pub letter: Vec<u8>,
     /// Signed distance to the margin, pixels, above 0 inside.
     pub sd: Vec<f32>,
@@ -109,7 +109,7 @@ pub struct LeafRaster {
     pub vein: Vec<f32>,
 }
 
-/// A leaf before it has a size.
+/// A traced leaf in pixels, before it is scaled to a size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TracedLeaf {
     /// Silhouette, hits, distances and veins by pixel.
@@ -122,7 +122,7 @@ pub struct TracedLeaf {
     pub place: BladePlacement,
     /// Anchor and tip, table units, as in the table: before the leaf is turned upright.
     pub ends: [DVec2; 2],
-    /// Parts and holes of the silhouette, dropped, filled and left.
+    /// Number of parts and holes that cleaning the silhouette found, dropped or filled.
     pub cleaned: CleaningReport,
     /// Warnings about the silhouette and the anchor (I060, I061).
     pub warnings: Vec<Diagnostic>,
@@ -234,7 +234,7 @@ fn turned(ifs: &Ifs, angle: f64) -> Ifs {
     out
 }
 
-/// Counts of a square picture that shows all of a system.
+/// Hit counts of a square picture that shows the whole attractor.
 fn count_hits(
     ifs: &Ifs,
     study: &SystemAnalysis,
@@ -340,7 +340,7 @@ fn lobe_tips(rings: &[Vec<DVec2>], mask: &Mask, nearest: &[u32], unit: f64) -> V
     (0..n).filter(sharp).map(of).collect()
 }
 
-/// Cover of the veins by pixel, 0..1; a vein is the wider the more lobes it serves.
+/// Share of each pixel that veins cover, 0..1; a vein is wider the more lobes it serves.
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "a few pixels")]
 fn veins(paths: &VeinPaths, tips: &[usize], unit: f64) -> Vec<f32> {
     // Draw each pixel of a path as a disc; overlapping discs keep the strongest value.
@@ -349,7 +349,7 @@ fn veins(paths: &VeinPaths, tips: &[usize], unit: f64) -> Vec<f32> {
     let n = osier_base::math::sqrt(side(loads.len())) as isize;
     let mut out = vec![0.0_f32; loads.len()];
     for (i, load) in loads.iter().enumerate().filter(|(_, l)| **l > 0) {
-        // Width with the square root of the tips served: cross-sections add up (pipe model).
+        // The width grows with the square root of the number of tips served: cross-sections add up (pipe model).
         let share = osier_base::math::sqrt(f64::from(*load) / f64::from(most));
         let radius = (0.7 + 3.6 * share) * unit;
         let strength = osier_base::math::narrow(0.45 + 0.55 * share);
@@ -369,7 +369,7 @@ fn veins(paths: &VeinPaths, tips: &[usize], unit: f64) -> Vec<f32> {
     out
 }
 
-/// A line averaged over `window` pixels to each side; its ends stay.
+/// Moving average of a line over `window` pixels to each side; its ends stay in place.
 fn smoothed_line(line: &[DVec2], window: f64) -> Vec<DVec2> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few pixels")]
     let reach = window.max(1.0) as usize;

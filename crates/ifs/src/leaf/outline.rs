@@ -12,7 +12,8 @@ pub fn rings(field: &[f32], n: usize) -> Vec<Vec<DVec2>> {
         _ => 0.0,
     };
     let size = n.cast_signed();
-    // Where a ring continues from the edge of a cell: edges are named by their cell and 0 left, 1 top.
+    // For each cell edge that a ring crosses, the edge that it crosses next. Edges are identified by their cell and a
+    // side: 0 left, 1 top.
     let mut next = std::collections::BTreeMap::new();
     for y in -1..size {
         for x in -1..size {
@@ -20,7 +21,8 @@ pub fn rings(field: &[f32], n: usize) -> Vec<Vec<DVec2>> {
             // Edges of the cell in the order of its corners: top, right, bottom, left.
             let edges = [(x, y, 1), (x + 1, y, 0), (x, y + 1, 1), (x, y, 0)];
             for k in 0..4 {
-                // A run of set corners begins at k: the ring enters on the edge before it and leaves behind it.
+                // A run of set corners begins at k: the ring enters the cell on the edge before the run and leaves it
+                // on the edge after the run.
                 if corners[k] && !corners[(k + 3) % 4] {
                     let mut last = k;
                     while corners[(last + 1) % 4] {
@@ -61,7 +63,7 @@ pub fn area2(ring: &[DVec2]) -> f64 {
     (0..ring.len()).fold(0.0, |s, i| s + ring[i].perp_dot(ring[(i + 1) % ring.len()]))
 }
 
-/// A ring with fewer points, none farther than `tolerance` from what it was, without edges that cross.
+/// Simplifies a ring: fewer points, within `tolerance` of the original ring, without edges that cross.
 /// Source: D. Douglas, T. Peucker, "Algorithms for the reduction of the number of points", 1973, on both halves of the
 /// ring; while edges cross, the farthest dropped point of each crossing edge is put back.
 pub fn simplified(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
@@ -102,7 +104,7 @@ pub fn simplified(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     (0..n).filter(|i| keep[*i]).map(at).collect()
 }
 
-/// The point between two of a ring that lies farthest from their chord.
+/// The ring's point between the points `a` and `b` that lies farthest from their chord, and its distance.
 fn farthest(ring: &[DVec2], a: usize, b: usize) -> Option<(usize, f64)> {
     let n = ring.len();
     let (p, q) = (ring[a % n], ring[b % n]);
@@ -115,7 +117,7 @@ fn farthest(ring: &[DVec2], a: usize, b: usize) -> Option<(usize, f64)> {
     (a + 1..b).map(|i| (i, distance(i))).max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)))
 }
 
-/// Segments of a closed chain that cross another one, by a grid.
+/// Indices of the segments of a closed chain that cross another segment, found with a grid.
 pub fn crossings(segments: &[(DVec2, DVec2)]) -> Vec<usize> {
     let longest = segments.iter().fold(1.0_f64, |m, (a, b)| m.max(a.distance(*b)));
     #[allow(clippy::cast_possible_truncation, reason = "cells of a picture")]

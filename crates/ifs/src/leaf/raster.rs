@@ -7,7 +7,7 @@ use crate::cylinders::Cylinder;
 use crate::splat::{CellCounter, CountingPlan};
 use crate::window::PictureWindow;
 
-/// Classes that maps are counted in: the index of the map modulo this number.
+/// Number of classes in which hits are counted: the class of a map is its index modulo this number.
 pub(super) const MAP_CLASSES: usize = 4;
 
 /// Hits by last map modulo [`MAP_CLASSES`]: by cell while they are counted, then by pixel, rows from the top.
@@ -51,7 +51,7 @@ impl MapHitCounts {
         self.cells.iter().map(|c| c.iter().sum()).collect()
     }
 
-    /// The commonest kind of map by pixel, the first of several.
+    /// The most frequent class of maps of each pixel; the first of several that are equal.
     pub fn letters(&self) -> Vec<u8> {
         let best = |c: &[u32; MAP_CLASSES]| (0_u8..).zip(c).max_by_key(|(i, n)| (**n, u8::MAX - i)).map_or(0, |b| b.0);
         self.cells.iter().map(best).collect()

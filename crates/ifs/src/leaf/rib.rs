@@ -1,4 +1,4 @@
-//! Ways through a leaf: the midrib, and the veins that join it.
+//! Paths through a leaf: the midrib, and the veins that join it.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,17 +10,17 @@ use super::mask::{Mask, neighbours};
 /// Stands for "no pixel" in a table of indices.
 const NO_PIXEL: usize = usize::MAX;
 
-/// Steps of the way back from any pixel of a leaf to its anchor.
+/// Shortest paths from any pixel of a leaf back to its anchor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VeinPaths {
     side: usize,
-    /// The pixel before each one on its cheapest way from the anchor.
+    /// For each pixel, the one before it on the cheapest path from the anchor.
     before: Vec<usize>,
 }
 
 impl VeinPaths {
-    /// Cheapest 8-connected ways from a pixel to all others of the mask; a step costs its length over (1 + sd)^2, so
-    /// that ways keep to the middle.
+    /// Cheapest 8-connected paths from `anchor` to all other pixels of the mask. The cost of a step is its length
+    /// divided by the square of 1 + sd, so that paths stay in the middle.
     /// Source: E. Dijkstra, "A note on two problems in connexion with graphs", 1959.
     pub fn new(mask: &Mask, sd: &[f32], anchor: usize) -> Self {
         let n = mask.side;
@@ -30,7 +30,7 @@ impl VeinPaths {
         cost[anchor] = 0.0;
         queue.push(Reverse((0_u32, anchor)));
         while let Some(Reverse((bits, i))) = queue.pop() {
-            // Bits of a positive float order as the float does.
+            // The bits of positive floats have the same order as the floats.
             if bits > cost[i].to_bits() {
                 continue;
             }
@@ -49,7 +49,7 @@ impl VeinPaths {
         Self { side: n, before }
     }
 
-    /// Pixels from `end` back to the anchor, both included; only `end` where no way leads there.
+    /// Pixels from `end` back to the anchor, both included; only `end` if no path leads there.
     pub fn path_to_anchor(&self, end: usize) -> Vec<usize> {
         let mut out = vec![end];
         let mut at = end;
@@ -66,7 +66,7 @@ impl VeinPaths {
         DVec2::new((i % self.side) as f64 + 0.5, (i / self.side) as f64 + 0.5)
     }
 
-    /// How many of `tips` each pixel serves: 0 off the veins.
+    /// For each pixel the number of `tips` whose path to the anchor passes through it: 0 off the veins.
     pub fn tip_counts(&self, tips: &[usize]) -> Vec<u32> {
         let mut loads = vec![0_u32; self.before.len()];
         for tip in tips {
@@ -78,7 +78,7 @@ impl VeinPaths {
     }
 }
 
-/// A line as `count` points, at least 2, at equal steps of arc length.
+/// Resamples a line to `count` points, at least 2, at equal steps of arc length.
 pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
     // Arc length at every point of the line.
     let mut arcs = vec![0.0];
@@ -101,7 +101,8 @@ pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
     (0..count).map(at).collect()
 }
 
-/// Place along a line (0..1) of its point nearest to `p`, and the signed distance of `p` from it, above 0 to its left with y up.
+/// Position along a line, 0..1, of the point nearest to `p`, and the signed distance of `p` from the line, positive on
+/// its left side with y up.
 pub fn project_onto_line(line: &[DVec2], p: DVec2) -> (f64, f64) {
     let total: f64 = line.windows(2).map(|w| w[0].distance(w[1])).sum();
     let (mut best, mut arc) = ((f64::MAX, 0.0, 0.0), 0.0);

@@ -5,14 +5,14 @@ use crate::Ifs;
 use osier_base::diagnostic::{Diagnostic, Severity};
 use std::ops::Range;
 
-/// Characters of a system's name that are kept.
+/// Maximum length of a system's name, characters; the rest is cut off.
 const MAX_NAME_LENGTH: usize = 40;
 
 /// Bytes of an entry's header, `end` excluded.
 struct EntryHeader {
     start: usize,
     end: usize,
-    /// The name stands on a line above its brace.
+    /// True if the name stands on a line above its brace.
     above: bool,
 }
 
@@ -92,7 +92,8 @@ fn warn_long_lines(reader: &mut IfsReader<'_>) {
     }
 }
 
-/// The header of the brace at `open`: its line, or the last line with text above it.
+/// Header of the entry whose brace is at `open`: the text before the brace on its line, or the last line with text
+/// above it.
 fn header(clean: &[u8], from: usize, open: usize) -> EntryHeader {
     let line = |before: usize| {
         let text = clean.get(from..before).unwrap_or_default();
@@ -115,7 +116,7 @@ fn header(clean: &[u8], from: usize, open: usize) -> EntryHeader {
     EntryHeader { start: open, end: open, above: false }
 }
 
-/// I003 for text that belongs to no entry.
+/// Warns (I003) about text that belongs to no entry.
 fn warn_stray_text(reader: &mut IfsReader<'_>, clean: &[u8], from: usize, to: usize) {
     let text = clean.get(from..to).unwrap_or_default();
     let Some(first) = text.iter().position(|b| !matches!(b, b' ' | b'\n')) else { return };
@@ -188,7 +189,7 @@ fn title(reader: &mut IfsReader<'_>, clean: &[u8], header: &EntryHeader) -> frac
     fractint::EntryTitle { name, dim: Some(dim.unwrap_or(2)), span }
 }
 
-/// Reports I009 for what Fractint and programs after it would drop.
+/// Reports I009 for parts of an entry that Fractint and its successors would drop.
 fn warn_portability(reader: &mut IfsReader<'_>, clean: &[u8], header: &EntryHeader, body: Range<usize>, closed: bool) {
     let (open, end) = (body.start - 1, body.end);
     let note = |reader: &mut IfsReader<'_>, text: &str, help: &str, (a, b): (usize, usize)| {

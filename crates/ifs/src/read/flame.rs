@@ -75,7 +75,7 @@ const MAX_XML_NODES: u32 = 1_000_000;
 /// Reads all flames of a document; I033 without any, or for malformed XML.
 pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_XML_NODES, ..ParsingOptions::default() };
-    // Apophysis writes several flames without a root; one is put around them, and positions are moved back.
+    // Apophysis writes several flames without a root element: one is put around them, and locations are shifted back.
     let text = reader.text;
     let several = text.matches("<flame").count() > 1 && !text.contains("<flames") && !text.contains("<Flames");
     let wrapped = format!("<f>{text}</f>");
@@ -112,9 +112,9 @@ fn offset(text: &str, at: roxmltree::TextPos) -> usize {
 
 struct FlameReader<'a, 'r> {
     reader: &'a mut IfsReader<'r>,
-    /// Bytes that were put before the text.
+    /// Number of bytes that were inserted before the text.
     shift: usize,
-    /// Place of the flame among those of the file, from 0.
+    /// Index of the flame in the file, from 0.
     index: usize,
 }
 
@@ -125,7 +125,7 @@ impl FlameReader<'_, '_> {
         self.reader.span(back(range.start), back(range.end))
     }
 
-    /// Place of the `<` and the name of a start tag.
+    /// Location of a start tag: its `<` and its name.
     fn tag(&self, node: Node<'_, '_>) -> Span {
         let r = node.range();
         self.span(r.start..(r.start + 1 + node.tag_name().name().len()).min(r.end))
@@ -195,7 +195,8 @@ impl FlameReader<'_, '_> {
         sound.then_some(ifs)
     }
 
-    /// One map. Coefficients come column by column with y down: conjugated by diag(1, -1), the post transform composed.
+    /// Reads one map. The file's coefficients are column by column with y down: the map is conjugated by diag(1, -1)
+    /// and composed with the post transform.
     fn map(&mut self, node: Node<'_, '_>) -> Option<Map> {
         let span = self.tag(node);
         for a in node.attributes() {
@@ -237,7 +238,7 @@ impl FlameReader<'_, '_> {
         Some(map)
     }
 
-    /// `a d b e c f` of the file, where x' = a x + b y + c, y' = d x + e y + f.
+    /// Reads an affine map, `a d b e c f` in the file, where x' = a x + b y + c, y' = d x + e y + f.
     fn affine_attribute(&mut self, node: Node<'_, '_>, name: &str, fallback: [f64; 6]) -> Affine {
         let c = match self.numbers_attribute(node, name) {
             Some(v) if v.len() == 6 => std::array::from_fn(|i| v.get(i).copied().unwrap_or(0.0)),

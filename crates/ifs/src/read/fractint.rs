@@ -1,4 +1,4 @@
-//! The numbers of one Fractint entry into maps.
+//! Converts the numbers of one Fractint entry into maps.
 
 use super::IfsReader;
 use crate::affine::Affine;
@@ -12,7 +12,7 @@ const MAX_NUMBER_LENGTH: usize = 64;
 /// Name and dimension from an entry's header, or the name of a file without one.
 pub(super) struct EntryTitle {
     pub name: String,
-    /// `None` without a header: to be found out.
+    /// `None` without a header: the dimension is guessed from the numbers.
     pub dim: Option<usize>,
     pub span: Span,
 }
@@ -46,7 +46,7 @@ pub(super) fn system(reader: &mut IfsReader<'_>, body: &[u8], start: usize, titl
         reader.push(d.help("use fewer maps, or raise the limit with --max-maps"));
         return None;
     }
-    // Only other programs have these limits.
+    // Other programs have these limits; this reader does not.
     if maps > 32 {
         let text = format!("\"{}\" has {maps} maps", title.name);
         let help = if maps > 64 { "Fractint reads 32 maps, Iterated Dynamics 64" } else { "Fractint reads 32 maps" };
@@ -76,7 +76,7 @@ pub(super) fn system(reader: &mut IfsReader<'_>, body: &[u8], start: usize, titl
     })
 }
 
-/// All numbers of a body; `None` if one is none.
+/// All numbers of a body; `None` if any of its words is not a number.
 fn tokens(reader: &mut IfsReader<'_>, body: &[u8], start: usize) -> Option<Vec<NumberToken>> {
     let mut out = Vec::new();
     // Read on after a bad number, to report all of them; commas are reported once.
@@ -129,7 +129,7 @@ fn value(word: &str) -> Result<f64, String> {
 
 /// Reports I005 for the number `index` of an entry, the bytes `word` of the text.
 fn report_number(reader: &mut IfsReader<'_>, word: std::ops::Range<usize>, index: usize, why: &str) {
-    // Long words are pointed at by their start.
+    // Diagnostics mark only the start of a long word.
     let end = word.start
         + reader
             .text
@@ -144,7 +144,7 @@ fn report_number(reader: &mut IfsReader<'_>, word: std::ops::Range<usize>, index
     reader.push(d.help("write finite decimals such as 0.85, -.04 or 1e-3, separated by blanks"));
 }
 
-/// Columns of a file without header: 7, or 13 where only that fits.
+/// Number of columns of a file without header: 7, or 13 if only that fits.
 fn guess_dimension(tokens: &[NumberToken]) -> usize {
     let n = tokens.len();
     let mut per_line: Vec<usize> = Vec::new();
@@ -156,7 +156,7 @@ fn guess_dimension(tokens: &[NumberToken]) -> usize {
     if lines_of_13 || (n.is_multiple_of(13) && !n.is_multiple_of(7)) { 3 } else { 2 }
 }
 
-/// I007 with the first line that has another number of numbers.
+/// Reports I007 at the first line that has a wrong count of numbers.
 fn report_number_count(reader: &mut IfsReader<'_>, tokens: &[NumberToken], title: &EntryTitle, columns: usize) {
     let line = tokens.chunk_by(|a, b| a.line == b.line).find(|l| l.len() % columns != 0);
     let text = format!("\"{}\" has {} numbers, which is no multiple of {columns}", title.name, tokens.len());
@@ -168,7 +168,8 @@ fn report_number_count(reader: &mut IfsReader<'_>, tokens: &[NumberToken], title
         None => (title.span, String::from("in this entry")),
     };
     let d = Diagnostic::error("I007", text, span, label);
-    // The most frequent cause is a missing or wrong (3D) in the header. A line with the numbers of a map tells that the header is right.
+    // The most frequent cause is a missing or wrong (3D) in the header. A line with exactly the numbers of one map
+    // shows that the header is right.
     let is_right = tokens.chunk_by(|a, b| a.line == b.line).any(|l| l.len() == columns);
     let fits = |columns: usize| tokens.len().is_multiple_of(columns) && !is_right;
     let (two, three) = (fits(7), fits(13));

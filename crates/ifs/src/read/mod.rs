@@ -32,7 +32,7 @@ const MAX_SYSTEMS: usize = 10_000;
 /// Diagnostics printed about one file; a damaged file could otherwise produce one per number.
 const MAX_DIAGNOSTICS: usize = 100;
 
-/// What a file is, by what stands in it.
+/// Format of a coefficient file, recognised by its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TableFormat {
     /// Fractint's columns.
@@ -44,7 +44,7 @@ pub enum TableFormat {
 }
 
 impl TableFormat {
-    /// By the first character that is not blank, or a line that starts `[ifs` or `[[ifs`.
+    /// Recognises the format by the first character that is not blank, or by a line that starts `[ifs` or `[[ifs`.
     fn of(text: &str) -> Self {
         if text.trim_start().starts_with('<') {
             Self::Flame
@@ -109,7 +109,7 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
     report.into_result(systems)
 }
 
-/// The system of a name (case does not count), or the only one, or the first without a name asked for.
+/// The system with the given name, compared without case; without a name, the first one.
 /// # Errors
 /// `Input` with I001 and the nearest name.
 pub fn pick<'a>(systems: &'a [Ifs], name: Option<&str>, file: &str) -> Result<&'a Ifs> {
@@ -144,10 +144,10 @@ fn stem(name: &str) -> String {
 pub(super) struct IfsReader<'a> {
     pub text: &'a str,
     pub source: SourceId,
-    /// File name without folder and ending: the name of a system without one.
+    /// File name without folder and extension; systems without a name are called this.
     pub stem: String,
     pub report: &'a mut Report,
-    /// Diagnostics so far, those beyond the limit included.
+    /// Number of diagnostics so far, including those beyond the limit.
     diagnostic_count: usize,
     pub limits: &'a Limits,
 }
@@ -169,7 +169,7 @@ impl IfsReader<'_> {
         }
     }
 
-    /// True beyond the limit of diagnostics, where reading on is of no use.
+    /// True if there are more diagnostics than the limit: reading on is of no use.
     fn has_too_many_diagnostics(&self) -> bool {
         self.diagnostic_count > MAX_DIAGNOSTICS
     }

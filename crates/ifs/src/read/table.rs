@@ -34,13 +34,13 @@ const BRANCH_KEYS: &[&str] = &["h", "roll", "pitch", "scale"];
 const CONDENSATION_KEYS: &[&str] = &["segment", "disc", "polygon", "mesh", "weight"];
 const SEGMENT_KEYS: &[&str] = &["from", "to", "radius"];
 const DISC_KEYS: &[&str] = &["center", "radius"];
-/// Forms of a map and of a condensation set, one of which each has.
+/// Keys of which each map, and each condensation set, must have exactly one.
 const MAP_FORMS: &[&str] = &["abcdef", "abcdefghijkl", "rq", "branch"];
 const SHAPES: &[&str] = &["segment", "disc", "polygon", "mesh"];
 const MESH_KEYS: &[&str] = &["file", "scale", "up"];
 const MESH_ENDINGS: &[&str] = &[".obj", ".glb", ".gltf"];
 
-/// The table `[ifs]`, or each of `[[ifs]]`.
+/// Reads the system of the table `[ifs]`, or all systems of `[[ifs]]`.
 pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
     let (document, errors) = DeTable::parse_recoverable(reader.text);
     for e in &errors {
@@ -393,7 +393,7 @@ impl TableReader<'_, '_> {
             };
             out.extend(shape.map(|shape| Condensation { shape, weight }));
         }
-        // The rest of the probability goes to the maps, so that it must not vanish.
+        // The maps get the rest of the probability, which must be above 0.
         let sum = out.iter().fold(0.0, |s, c| s + c.weight);
         if sum >= 1.0
             && let Some(item) = table.get("condensation")
@@ -483,8 +483,8 @@ impl TableReader<'_, '_> {
     }
 }
 
-/// Whether the triangles from the first corner to the edges cover a polygon once, as points are drawn: seen from there all edges
-/// run the same way round.
+/// True if the triangles from the first corner to the edges cover the polygon exactly once, as drawing points requires:
+/// seen from that corner, all edges run in the same direction of rotation.
 fn is_fan(points: &[[f64; 2]]) -> bool {
     let Some((first, rest)) = points.split_first() else { return true };
     let area = |pair: &[[f64; 2]]| {
@@ -492,7 +492,7 @@ fn is_fan(points: &[[f64; 2]]) -> bool {
         a[0] * b[1] - a[1] * b[0]
     };
     let areas: Vec<f64> = rest.windows(2).map(area).collect();
-    // Corners on one line have areas of rounding errors.
+    // Collinear corners give areas that are only rounding errors.
     let slack = 1e-9 * areas.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
     areas.iter().all(|v| *v >= -slack) || areas.iter().all(|v| *v <= slack)
 }

@@ -11,7 +11,7 @@ use osier_base::units::{srgb_byte, srgb_from_linear};
 /// Height of the picture in a written view, pixels.
 const HEIGHT: f64 = 720.0;
 
-/// All systems as one document, with what it cannot hold (I011).
+/// Writes all systems as one document and reports what it cannot hold (I011).
 /// # Errors
 /// I030 for a system of space.
 pub fn flames(items: &[TableItem]) -> Result<(String, Vec<Diagnostic>), Box<Diagnostic>> {

@@ -9,7 +9,7 @@ const PLANE: &str = "; columns a b c d e f p :  x' = a x + b y + e   y' = c x + 
 const SPACE: &str =
     "; columns a..i j k l p :  x' = a x + b y + c z + j   y' = d x + e y + f z + k   z' = g x + h y + i z + l";
 
-/// All systems as a text, with what it cannot hold (I011).
+/// Writes all systems as a text and reports what it cannot hold (I011).
 pub fn entries(items: &[TableItem]) -> (String, Vec<Diagnostic>) {
     let mut out = format!("; osier {}\n", env!("CARGO_PKG_VERSION"));
     for (dim, columns) in [(2, PLANE), (3, SPACE)] {

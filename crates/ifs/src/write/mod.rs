@@ -30,7 +30,7 @@ use osier_base::diagnostic::Diagnostic;
 
 /// Shares are written in millionths.
 const MILLION: u64 = 1_000_000;
-/// Characters of a system's name that are kept.
+/// Maximum length of a system's name, characters; the rest is cut off.
 const MAX_NAME_LENGTH: usize = 40;
 
 /// A system to write, with its weights and, for flames, the view of its picture.
@@ -55,7 +55,7 @@ fn millionths(weights: &[f64]) -> Vec<u64> {
     if sum + least <= MILLION {
         *last = MILLION - sum;
     } else {
-        // Only many tiny shares come here: the largest gives what is too much.
+        // This happens only with many tiny shares: the excess is taken from the largest one.
         *last = least;
         let over = sum + least - MILLION;
         if let Some(most) = others.iter_mut().max_by_key(|w| **w) {
@@ -86,7 +86,7 @@ fn decimal(v: f64) -> String {
     }
 }
 
-/// Names as every reader takes them, each once: ASCII, no blanks, brackets, braces or semicolons.
+/// Unique names that every reader accepts: ASCII without blanks, brackets, braces or semicolons.
 fn names(items: &[TableItem]) -> Vec<String> {
     let mut taken: std::collections::BTreeSet<String> = std::collections::BTreeSet::new();
     items

@@ -14,8 +14,8 @@ const DENSE: f64 = 0.8;
 /// Least weight of a map before normalization: thin maps must get enough points to show.
 const LEAST: f64 = 0.02;
 
-/// The tree's branching maps after one that squashes the whole into the trunk. Systems that hold such a map stay as they
-/// are. Weights are max(|det|^(2/3), 0.02) over their sum.
+/// The tree as a system of a map that squashes the whole into the trunk and of the branching maps. Systems that already
+/// hold such a map stay as they are. Weights are max(|det|^(2/3), 0.02) divided by their sum.
 /// Own: the width of the trunk is 0.8 of its diameter over the crown's width at eps 0.03.
 pub fn squashed(stems: &TreeSystem) -> TableItem {
     let mut system = stems.system.clone();

@@ -43,7 +43,7 @@ impl Accessors<'_> {
     ) -> ImportResult<Vec<f32>> {
         let layout = self.layout(context, index, types)?;
         context.limit(limit, layout.count as u64)?;
-        // Elements without bytes stay 0, as the format wants it.
+        // Elements without bytes stay 0, as the specification requires.
         let mut values = vec![0.0; layout.count * layout.width];
         self.for_each_component(context, &layout, |i, k, bytes| {
             if let Some(v) = values.get_mut(i * layout.width + k) {
@@ -79,7 +79,7 @@ impl Accessors<'_> {
         accessor.map_or(0, |a| if let Checked::Valid(t) = a.type_ { t.multiplicity() } else { 0 })
     }
 
-    /// The layout of an accessor, whose elements are then known to be there: nothing is allocated for others.
+    /// The layout of an accessor, after a check that all of its elements exist; nothing is allocated before.
     fn layout(&self, context: &ImportContext<'_>, index: usize, types: &[Type]) -> ImportResult<AccessorLayout<'_>> {
         let fault = |what: &str| context.error_in_file("X010", format_args!("accessors[{index}] {what}"));
         let accessor = self.document.root.accessors.get(index).ok_or_else(|| fault("does not exist"))?;
@@ -95,7 +95,7 @@ impl Accessors<'_> {
         }
         let count = usize::try_from(count).map_err(|_| fault("is too large"))?;
         let (width, component) = (kind.multiplicity(), component.0);
-        // Checked here for all elements, so that a damaged accessor is found before anything is allocated.
+        // Check all elements here, so that a damaged accessor is found before anything is allocated.
         if let Some(view) = accessor.buffer_view {
             let offset = accessor.byte_offset.map_or(0, |o| o.0);
             if self.elements(view.value(), offset, count, width * component.size()).is_none() {
@@ -105,7 +105,8 @@ impl Accessors<'_> {
         Ok(AccessorLayout { index, accessor, count, width, component, normalized: accessor.normalized })
     }
 
-    /// Calls `set(element, component, bytes)` for every component: those of the view, then the sparse ones.
+    /// Calls `set(element, component, bytes)` for every component: first those of the buffer view, then the sparse
+    /// ones.
     fn for_each_component(
         &self,
         context: &ImportContext<'_>,

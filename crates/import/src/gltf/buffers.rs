@@ -83,14 +83,14 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes of a compressed view, at most `left`; says what is wrong with it otherwise.
+/// The bytes of a compressed view, at most `left`; the error describes the defect of the view.
 fn decode_view(list: &[Cow<'_, [u8]>], view: &CompressedView, left: u64) -> Result<Vec<u8>, String> {
     let source = list.get(view.buffer).and_then(|b| b.get(view.offset..view.offset.checked_add(view.length)?));
     let source = source.ok_or("it passes the end of its buffer")?;
     let plain = |e: meshoptimizer_rs::Error| e.to_string();
     let (mode, filter) = (Mode::parse(&view.mode).map_err(plain)?, Filter::parse(&view.filter).map_err(plain)?);
     let layout = BufferView::new(mode, filter, view.count, view.stride).map_err(plain)?;
-    // Checked before decoding, so that a short file does not become a large buffer.
+    // Check before decoding, so that a short file does not become a large buffer.
     if layout.byte_length() as u64 > left {
         return Err("all buffers together pass --max-mesh-bytes".into());
     }

@@ -11,7 +11,7 @@ use osier_base::diagnostic::{Diagnostic, Span};
 use osier_base::files::{Encoding, decode};
 use osier_base::limits::grouped;
 
-/// Extensions that are read, or that change only the appearance and may be ignored.
+/// Extensions that are read, and those that change only the appearance and can be ignored.
 const SUPPORTED_EXTENSIONS: [&str; 18] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -41,7 +41,8 @@ pub(super) struct InstanceAccessors {
     pub(super) scale: Option<usize>,
 }
 
-/// Places of the maps that are read within a material; the first one's texture coordinates count.
+/// JSON pointers within a material to the maps that are read; the texture coordinates of the first map present apply to
+/// all.
 const MAPS: [&str; 3] =
     ["/pbrMetallicRoughness/baseColorTexture", "/normalTexture", "/pbrMetallicRoughness/metallicRoughnessTexture"];
 
@@ -92,7 +93,7 @@ pub(super) struct GltfDocument {
 }
 
 impl GltfDocument {
-    /// Reads the JSON; `None` if it has errors with a place, which are then in the report.
+    /// Reads the JSON; `None` if it has errors with a position, which are then in the report.
     /// # Errors
     /// X010 if it is damaged or too large, X011 for a required extension that is not known.
     pub(super) fn read(context: &mut ImportContext<'_>, json: &[u8]) -> ImportResult<Option<Self>> {
@@ -107,7 +108,8 @@ impl GltfDocument {
         let name = context.name();
         let text = match decode(json, Encoding::Utf8) {
             Ok(text) => text.text,
-            // A text with a stray byte is mended by its author, any other file by the program that wrote it.
+            // Only a JSON text can be corrected by hand and gets the position of its stray byte; other files must be
+            // exported again.
             Err(_) if !begins_as_json(json) => {
                 let message = "is not glTF: it begins neither with the word glTF nor with a brace";
                 return Err(Box::new(
@@ -138,7 +140,7 @@ impl GltfDocument {
             let what = "holds pictures of specular colour and glossiness; they are not read, the roughness is 1 - glossinessFactor";
             context.warn("X016", what);
         }
-        // Removed before validation: a fault in them must not refuse the mesh.
+        // Remove the animations before validation: a defect in them must not make the mesh unreadable.
         if top.remove("animations").is_some() {
             context.warn("X016", "holds animations; they are not read");
         }
@@ -197,7 +199,7 @@ fn begins_as_json(bytes: &[u8]) -> bool {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start().starts_with(b"{")
 }
 
-/// Takes the extensions that we decode out of the list of required ones; others end the reading.
+/// Removes the extensions that this reader decodes from the list of required ones; any other fails with X011.
 fn check_required_extensions(context: &ImportContext<'_>, top: &mut Map<String, Value>) -> ImportResult<()> {
     let Some(list) = top.remove("extensionsRequired") else { return Ok(()) };
     let names: Vec<String> = match list {
@@ -214,7 +216,7 @@ fn check_required_extensions(context: &ImportContext<'_>, top: &mut Map<String, 
     }
 }
 
-/// Refuses positions in accessors that do not exist: the crate's validation would panic on them.
+/// Fails for positions in accessors that do not exist: the crate's validation would panic on them.
 fn check_position_accessors(context: &ImportContext<'_>, top: &Map<String, Value>) -> ImportResult<()> {
     let count = top.get("accessors").and_then(Value::as_array).map_or(0, Vec::len) as u64;
     for (i, mesh) in entries(top, "meshes") {
@@ -230,8 +232,9 @@ fn check_position_accessors(context: &ImportContext<'_>, top: &Map<String, Value
     Ok(())
 }
 
-/// Gives materials that only KHR_materials_pbrSpecularGlossiness describes, as Sketchfab and other programs wrote them, the base colour
-/// and the roughness that it has. Returns whether one of them also has a picture of specular colour and glossiness.
+/// Converts KHR_materials_pbrSpecularGlossiness to base colour and roughness in materials that have nothing else, as
+/// Sketchfab and other programs wrote them. Returns whether one of them also has a picture of specular colour and
+/// glossiness.
 /// Source: KHR_materials_pbrSpecularGlossiness, whose defaults are a white diffuse colour and a glossiness of 1.
 fn read_specular_glossiness(top: &mut Map<String, Value>) -> bool {
     let mut has_pictures = false;
@@ -239,7 +242,8 @@ fn read_specular_glossiness(top: &mut Map<String, Value>) -> bool {
     for material in materials.into_iter().flatten() {
         let given = material.pointer("/extensions/KHR_materials_pbrSpecularGlossiness").cloned();
         let (Some(given), Some(material)) = (given, material.as_object_mut()) else { continue };
-        // Beside it a file may describe the same material by base colour and roughness, which are read with all their pictures.
+        // A file may also describe the same material by base colour and roughness, which are then read with all their
+        // pictures.
         if material.contains_key("pbrMetallicRoughness") {
             continue;
         }
@@ -263,7 +267,8 @@ fn entries<'a>(top: &'a Map<String, Value>, key: &str) -> impl Iterator<Item = (
     top.get(key).and_then(Value::as_array).into_iter().flatten().enumerate()
 }
 
-/// Accessors of EXT_mesh_gpu_instancing. An index beyond the address space names no accessor, which is an error on use.
+/// Accessors of EXT_mesh_gpu_instancing. An index beyond the address space becomes one that no accessor has: an error
+/// on use.
 fn instance_accessors(node: &Value) -> Option<InstanceAccessors> {
     let attributes = node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes")?;
     let index = |key: &str| attributes.get(key)?.as_u64().map(limit);
@@ -287,8 +292,8 @@ fn compressed_view(view: &Value) -> Option<CompressedView> {
     })
 }
 
-/// Texture coordinates by index of the material. A mesh has one set: where the maps of a material have different ones, those of the first
-/// count (X016).
+/// Texture coordinates by index of the material. A mesh has one set of them: if the maps of a material use different
+/// sets, those of the first map apply (X016).
 fn coordinates_of_materials(
     context: &mut ImportContext<'_>,
     top: &Map<String, Value>,

@@ -18,9 +18,9 @@ use osier_scene::{Image, Material};
 pub(super) struct FinishedMaterials {
     pub(super) materials: Vec<Material>,
     pub(super) images: Vec<Image>,
-    /// For each material what its maps show beyond their edges.
+    /// Wrap modes of the maps of each material.
     pub(super) wraps: Vec<MaterialWraps>,
-    /// Bytes of the images.
+    /// Bytes of the images, as counted against the limit.
     pub(super) spent: u64,
 }
 
@@ -30,7 +30,7 @@ pub(super) struct GltfMaterials<'a> {
     buffers: &'a Buffers<'a>,
     names: Names,
     materials: Vec<Material>,
-    /// For each material what its maps show beyond their edges.
+    /// Wrap modes of the maps of each material.
     wraps: Vec<MaterialWraps>,
     /// Index of a material by its number in the file.
     index_of: BTreeMap<Option<usize>, usize>,
@@ -74,7 +74,7 @@ impl<'a> GltfMaterials<'a> {
         Ok(table_index(index))
     }
 
-    /// What the maps of a material show beyond their edges, as the samplers of their textures say.
+    /// Wrap modes of the maps of a material, from the samplers of their textures.
     fn wraps_of(&self, id: Option<usize>) -> MaterialWraps {
         let root = &self.document.root;
         let Some(given) = id.and_then(|i| root.materials.get(i)) else { return MaterialWraps::default() };
@@ -99,7 +99,7 @@ impl<'a> GltfMaterials<'a> {
             return Ok(material);
         };
         let pbr = &given.pbr_metallic_roughness;
-        // The factors multiply the pictures, so they are applied to the pictures and not kept beside them.
+        // The factors multiply the pictures: below, they are applied to the pixels of those that exist.
         let [r, g, b, a] = pbr.base_color_factor.0.map(|v| v.clamp(0.0, 1.0));
         material.base_color = [r, g, b];
         material.roughness = pbr.roughness_factor.0.clamp(0.0, 1.0);
@@ -112,7 +112,7 @@ impl<'a> GltfMaterials<'a> {
             && let Some((image, channels)) = self.decoded_image(context, texture.index.value())?
         {
             material.alpha_cutoff = alpha_cutoff(given).filter(|_| channels == 4);
-            // The alpha of an opaque material says nothing; renderers that read it from the picture would show holes.
+            // The alpha of an opaque material has no meaning; renderers that read it from the picture would show holes.
             let opaque = channels == 4 && material.alpha_cutoff.is_none();
             material.maps.color = self.store_map(context, image, MapUse::color([r, g, b, a], opaque), &name)?;
             if material.maps.color.is_some() {

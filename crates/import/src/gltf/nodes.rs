@@ -20,7 +20,7 @@ pub(super) struct MeshInstances {
     pub(super) world_from_mesh: Vec<Mat4>,
 }
 
-/// All placed meshes of the default scene (the first one, else all roots), parents before children.
+/// All meshes that nodes of the default scene place, parents before children. Roots: see [`root_nodes`].
 /// # Errors
 /// X010 for cycles, nodes with two parents, nesting beyond 256, damaged instances.
 pub(super) fn flatten(
@@ -35,7 +35,8 @@ pub(super) fn flatten(
     let mut stack: Vec<(usize, Mat4, usize)> =
         root_nodes(document).into_iter().rev().map(|n| (n, Mat4::IDENTITY, 1)).collect();
     let mut instances: Vec<MeshInstances> = Vec::new();
-    // World transform of each node that was reached; instances with a skin, and the number of that.
+    // World transform of each node that was reached; then the index of each instance with a skin, and the number of the
+    // skin.
     let mut world_from_nodes: Vec<Option<Mat4>> = vec![None; root.nodes.len()];
     let mut skinned: Vec<(usize, usize)> = Vec::new();
     while let Some((index, world_from_parent, depth)) = stack.pop() {
@@ -91,9 +92,9 @@ pub(super) fn flatten(
     Ok(instances)
 }
 
-/// Transform of a mesh as its skin binds it: that of the first joint times its inverse bind matrix. Joints that stand as they
-/// were bound all give the same one; it holds the transform of an armature and, of quantized positions, their scale. The identity
-/// without a joint in the scene.
+/// World transform of a mesh as its skin binds it: that of the first joint times its inverse bind matrix. Joints in
+/// their bind pose all give the same matrix; it includes the transform of an armature, and the scale of quantized
+/// positions. The identity if no joint is in the scene.
 fn bound_pose(
     context: &ImportContext<'_>,
     accessors: &Accessors<'_>,
@@ -113,14 +114,15 @@ fn bound_pose(
     Ok(if pose.abs_diff_eq(Mat4::IDENTITY, 1e-5) { Mat4::IDENTITY } else { pose })
 }
 
-/// Root nodes of the default scene; without scenes, all nodes that are no child.
+/// Root nodes of the default scene, or of the first scene if none is the default; without scenes, all nodes that are no
+/// child.
 fn root_nodes(document: &GltfDocument) -> Vec<usize> {
     let root = &document.root;
     let scene = root.scene.map_or(0, |s| s.value());
     if let Some(scene) = root.scenes.get(scene) {
         return scene.nodes.iter().map(|n| n.value()).collect();
     }
-    // Without scenes the roots are the nodes that no other node has as its child.
+    // Without scenes the roots are the nodes that are no child of another node.
     let mut is_child = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|n| n.children.iter().flatten()) {
         if let Some(flag) = is_child.get_mut(child.value()) {

@@ -14,8 +14,8 @@ use osier_base::files::Names;
 use osier_base::math;
 use osier_scene::{Image, Maps, Material, Pixels};
 
-/// Texture coordinates so little beyond an edge show the texels at the edge, whatever lies beyond. Own: a third of a texel of a large
-/// texture.
+/// Texture coordinates outside by no more than this count as inside: they show the texels at the edge. Own: a third of
+/// a texel of a large texture.
 const BESIDE_EDGE: f64 = 1e-4;
 /// Farthest texture coordinates for which images are unfolded.
 const FARTHEST: f64 = 1e6;
@@ -54,15 +54,16 @@ pub(super) fn wraps_of_texture(root: &Root, texture: usize) -> [Wrap; 2] {
 struct Span {
     start: i64,
     count: i64,
-    /// Divides the texels of each map along the axis.
+    /// Units per image; divides the number of texels of each map along the axis.
     grid: i64,
 }
 
 impl Span {
-    /// The image as it is.
+    /// One image, unchanged.
     const WHOLE: Self = Self { start: 0, count: 1, grid: 1 };
 
-    /// The span that shows what maps with these wraps and lengths in texels show from `least` to `most`; `None` beyond [`FARTHEST`].
+    /// The span in which maps with these wrap modes and lengths in texels show the same as from `least` to `most`;
+    /// `None` beyond [`FARTHEST`].
     fn of(maps: &[(Wrap, u32)], [least, most]: [f64; 2]) -> Option<Self> {
         let has = |wrap: Wrap| maps.iter().any(|(w, _)| *w == wrap);
         let inside = least >= -BESIDE_EDGE && most <= 1.0 + BESIDE_EDGE;
@@ -70,7 +71,7 @@ impl Span {
             return Some(Self::WHOLE);
         }
         if !has(Wrap::Clamp) {
-            // An image and its mirror image repeat.
+            // An image and its mirror image together repeat.
             return Some(Self { start: 0, count: 2, grid: 1 });
         }
         if least < -FARTHEST || most > FARTHEST {
@@ -83,12 +84,13 @@ impl Span {
         Some(Self { start, count: end - start, grid })
     }
 
-    /// Texels along the axis of the unfolded image of one with `texels`.
+    /// Length, texels, of the unfolded image of an image that is `texels` long.
     fn length(self, texels: u32) -> i64 {
         self.count * (i64::from(texels) / self.grid)
     }
 
-    /// For each texel of the unfolded image the one that it shows of an image with `texels`, 0 to `texels - 1`.
+    /// For each texel of the unfolded image, the texel that it shows of an image that is `texels` long, 0 to `texels -
+    /// 1`.
     fn sources(self, texels: u32, wrap: Wrap) -> Vec<usize> {
         let side = i64::from(texels);
         let first = self.start * (side / self.grid);
@@ -103,14 +105,15 @@ impl Span {
         (first..first + self.length(texels)).filter_map(|k| usize::try_from(source(k)).ok()).collect()
     }
 
-    /// A texture coordinate in the unfolded image.
+    /// Converts a texture coordinate to one in the unfolded image.
     fn map(self, at: f64) -> f64 {
         (at * as_float(self.grid) - as_float(self.start)) / as_float(self.count)
     }
 }
 
-/// Unfolds the images of materials whose texture coordinates leave the square from 0 to 1 where their sampler does not repeat, and
-/// moves these coordinates. `spent`: bytes of the images so far. Warns (X016) of images that would pass a limit; they repeat.
+/// Unfolds the images of materials whose texture coordinates leave the square from 0 to 1 where their sampler does not
+/// repeat, and converts these coordinates. `spent`: bytes of the images so far. Images that would exceed a limit are
+/// not unfolded and repeat instead (X016).
 pub(super) fn unfold(
     context: &mut ImportContext<'_>,
     parts: &mut [MeshPart],
@@ -202,8 +205,8 @@ pub(super) fn unfold(
     }
 }
 
-/// Smallest and largest texture coordinates of a material's parts along u and v, v downwards; `None` without any, or if some are not
-/// finite.
+/// Smallest and largest texture coordinates of a material's parts along u and v, with v downwards; `None` if there are
+/// none, or if one is not finite.
 fn coordinate_bounds(parts: &[MeshPart], material: u32) -> Option<[[f64; 2]; 2]> {
     let mine = parts.iter().filter(|part| part.material == material).flat_map(|part| &part.uvs);
     let empty = [Vec2::INFINITY, Vec2::NEG_INFINITY];

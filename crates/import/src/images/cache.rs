@@ -9,14 +9,14 @@ use osier_scene::{Image, ImageKind, Pixels};
 /// The map that an image becomes, with the factors that it is multiplied by, as bits (so that equal uses compare equal).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum MapUse {
-    /// Colour.
+    /// The image as a colour map.
     Color {
-        /// Factors, none where they change nothing.
+        /// Factors on red, green, blue and alpha, as bits; none if they are all 1.
         tint: Option<[u32; 4]>,
-        /// Whether the alpha of the image is left out.
+        /// Whether the alpha of the image is dropped.
         opaque: bool,
     },
-    /// The green channel as roughness.
+    /// The green channel as roughness, with its factor as bits.
     Roughness(u32),
     /// Tangent-space normals, as in the file.
     Normal,
@@ -25,7 +25,7 @@ pub(crate) enum MapUse {
 impl MapUse {
     /// `opaque`: without the alpha that the image has.
     pub(crate) fn color(tint: [f32; 4], opaque: bool) -> Self {
-        // Factors of 1 leave the picture as it is: it is shared with uses that have none.
+        // Factors of 1 change nothing: the picture is then shared with uses that have none.
         Self::Color { tint: tint.iter().any(|v| *v < 1.0).then(|| tint.map(f32::to_bits)), opaque }
     }
 
@@ -90,7 +90,7 @@ impl MapCache {
         self.decoded.contains_key(&number)
     }
 
-    /// Adds a decoded image; `None`: its file is absent.
+    /// Adds a decoded image; `None` if its file is absent.
     pub(crate) fn add(&mut self, number: usize, raw: Option<DecodedImage>) {
         self.decoded.insert(number, raw.map(CachedImage::Decoded));
     }
@@ -108,7 +108,7 @@ impl MapCache {
         self.stored.get(&(number, map_use)).copied()
     }
 
-    /// Bytes that storing a map takes beyond those of decoding its image: none for the first use without a change.
+    /// Bytes that storing a map takes in addition to its decoded image: none for the first use without a change.
     pub(crate) fn additional_bytes(&self, number: usize, map_use: MapUse) -> u64 {
         // The first plain use takes the decoded samples themselves; every other one makes a copy.
         let fresh = matches!(self.decoded.get(&number), Some(Some(CachedImage::Decoded(_))));
@@ -166,7 +166,7 @@ impl MapCache {
     }
 }
 
-/// Samples of an 8-bit image; none of one with 16 bits.
+/// Samples of an 8-bit image; empty for a 16-bit image.
 fn bytes(image: &Image) -> &[u8] {
     match &image.pixels {
         Pixels::U8(samples) => samples,

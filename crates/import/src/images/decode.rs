@@ -132,7 +132,7 @@ pub(crate) fn decode_deep(
         damage => failed(&damage),
     };
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| failed(&e))?;
-    // The library also knows formats by name that it cannot decode here; such a file is not damaged.
+    // The library recognises more formats than it can decode here; such a file is not damaged.
     if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
         return Err(Box::new(
             context
@@ -164,7 +164,7 @@ pub(crate) fn decode_deep(
     DynamicImage::from_decoder(decoder).map_err(refused)
 }
 
-/// Adds `bytes` to those of the images decoded so far for this file.
+/// Adds `bytes` to the sum over the images decoded so far for this file.
 /// # Errors
 /// X010 over the limit.
 pub(crate) fn spend(context: &ImportContext<'_>, place: &str, bytes: u64, spent: &mut u64) -> ImportResult<()> {
@@ -185,7 +185,7 @@ fn is_complete_png(bytes: &[u8]) -> bool {
     loop {
         let head = |k: usize| bytes.get(at + k..at + k + 4);
         let (Some(length), Some(kind)) = (head(0).and_then(|b| b.try_into().ok()), head(4)) else { return false };
-        // A chunk is its length, type, data and checksum: 12 bytes beside the data.
+        // A chunk is its length, type, data and checksum: 12 bytes besides the data.
         let next = at.saturating_add(12).saturating_add(u32::from_be_bytes(length) as usize);
         if next > bytes.len() {
             return false;
@@ -197,7 +197,7 @@ fn is_complete_png(bytes: &[u8]) -> bool {
     }
 }
 
-/// True if an end-of-image marker (FFD9) follows the last start-of-scan marker (FFDA). Embedded thumbnails have both, before it.
+/// True if an end-of-image marker (FFD9) follows the last start-of-scan marker (FFDA).
 fn is_complete_jpeg(bytes: &[u8]) -> bool {
     // The last of each marker counts: an embedded thumbnail lies before the scans of the picture.
     let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);

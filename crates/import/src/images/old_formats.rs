@@ -20,8 +20,8 @@ struct Shape {
     channels: usize,
 }
 
-/// Decodes a picture of an old format; `None` if its bytes and name are of none. `name`: of the file, by whose ending Targa is
-/// recognised.
+/// Decodes a picture of an old format; `None` if bytes and name belong to neither. `name`: of the file, whose extension
+/// identifies Targa.
 /// # Errors
 /// X010 if it is damaged or over a limit.
 pub(crate) fn decode_old(
@@ -53,7 +53,7 @@ fn picture(
             format!("picture: image of {} x {} pixels, the limit is {side} a side", shape.width, shape.height);
         return Err(Box::new(context.error_in_file("X010", message).help("make it smaller, or use --max-image-side")));
     }
-    // Counted before any sample is stored: the size is that of the header.
+    // Check the size in the header against the limit before any sample is stored.
     spend(context, "picture", (shape.width * shape.height * shape.channels) as u64, spent)?;
     let samples = samples_of(bytes, shape).ok_or_else(damaged)?;
     let (Ok(width), Ok(height), Ok(channels)) =
@@ -95,7 +95,7 @@ fn sgi_samples(bytes: &[u8], shape: Shape) -> Option<Vec<u8>> {
     // Alpha is opaque where the file has none.
     let mut out = vec![255_u8; width * height * channels];
     for plane in 0..stored.min(4) {
-        // Of grey with alpha the second plane is alpha.
+        // In grey with alpha, the second plane is alpha.
         let targets: &[usize] = match (stored, plane) {
             (2, 0) => &[0, 1, 2],
             (2, _) => &[3],
@@ -148,7 +148,7 @@ fn unpacked_row(packed: &[u8], width: usize) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// Bits of a Targa pixel, or of an entry of its colour map.
+/// Channels of a Targa pixel, or of an entry of its colour map, of so many bits.
 fn targa_channels(bits: u8) -> Option<usize> {
     match bits {
         8 => Some(1),
@@ -196,7 +196,7 @@ fn targa_samples(bytes: &[u8], shape: Shape) -> Option<Vec<u8>> {
         } else {
             pixel
         };
-        // Rows from the bottom and pixels from the left, unless the descriptor says otherwise.
+        // Rows run from the bottom and pixels from the left, unless the descriptor says otherwise.
         let (x, y) = (i % width, i / width);
         let x = if descriptor & 0x10 != 0 { width - 1 - x } else { x };
         let y = if descriptor & 0x20 != 0 { y } else { height - 1 - y };

@@ -33,7 +33,7 @@ pub(super) fn triangulate(points: &[Vec3], indices: &[u32], arities: &[u32]) -> 
 fn polygon(points: &[Vec3], face: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let corners: Vec<Vec3> = face.iter().map(|i| points.get(*i as usize).copied().unwrap_or_default()).collect();
     let origin = corners.first().copied().unwrap_or_default();
-    // Relative to a corner and its extent, so that far and tiny polygons keep their digits.
+    // Subtract a corner and divide by the extent, so that far and tiny polygons keep their digits.
     let extent = corners.iter().fold(0.0_f32, |m, p| m.max((*p - origin).abs().max_element()));
     let local: Vec<Vec3> = corners.iter().map(|p| (*p - origin) / extent.max(f32::MIN_POSITIVE)).collect();
     let normal = normalize_or(geometry::newell(&local), Vec3::ZERO);

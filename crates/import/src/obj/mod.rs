@@ -40,12 +40,14 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
         return Ok(ImportedMesh::default());
     }
     library.add_undescribed(&scan.materials);
-    // Materials are known from the first line on, whether or not the text names a library.
+    // Put an `mtllib` line first: all materials are then known from the first line on, whether or not the text names a
+    // library.
     let plain = tokens::plain(&text);
     let plain = if scan.needs_rewrite { tokens::for_tobj(&plain, scan.lacks_colors) } else { plain };
     let mut with_library = "mtllib all\n".as_bytes().chain(plain.as_bytes());
     let options = tobj::LoadOptions { single_index: true, triangulate: false, ..tobj::LoadOptions::default() };
-    // All libraries are handed over at the first `mtllib`, which is ours, none again at the others; nothing is opened.
+    // `tobj` asks for a library at each `mtllib`: give it the text of all at the first one, which is ours, and an empty
+    // text at the others. No file is opened.
     let mtl = Cell::new(library.text.as_str());
     let loaded =
         tobj::load_obj_buf(&mut with_library, &options, |_: &Path| tobj::load_mtl_buf(&mut mtl.take().as_bytes()));
@@ -65,7 +67,8 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     Ok(ImportedMesh { mesh: join(context, parts)?, materials, images })
 }
 
-/// One of `tobj`'s models as a part of a mesh, with texture coordinates at which the maps of its material lie right.
+/// Converts a model of `tobj` to a part of a mesh, with texture coordinates at which the maps of its material lie
+/// correctly.
 fn mesh_part(model: &tobj::Model, material: u32, placement: MapPlacement) -> MeshPart {
     let mesh = &model.mesh;
     let vec3 = |v: &[f32]| match v {
@@ -81,15 +84,15 @@ fn mesh_part(model: &tobj::Model, material: u32, placement: MapPlacement) -> Mes
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
         uvs: mesh.texcoords.chunks_exact(2).map(|uv| placement.apply(Vec2::from_slice(uv))).collect(),
-        // OBJ has no alpha of vertices. Their colours are sRGB, as Blender, MeshLab and ZBrush write them; those of meshes are
-        // linear.
+        // OBJ has no alpha of vertices. Its vertex colours are sRGB, as Blender, MeshLab and ZBrush write them; those
+        // of the scene's meshes are linear.
         colors: mesh.vertex_color.chunks_exact(3).map(|c| linear(vec3(c)).extend(1.0).to_array()).collect(),
         points,
         triangles,
     }
 }
 
-/// Decodes a text file; `None` if it is no text, which is then in the report. Warns if it had to be read as Latin-1.
+/// Decodes a text file; `None` if it is not text, with an error in the report. Warns if it had to be read as Latin-1.
 fn text(context: &mut ImportContext<'_>, name: &str, bytes: &[u8]) -> Option<String> {
     match decode(bytes, Encoding::OrLatin1) {
         Ok(decoded) => {

@@ -32,7 +32,7 @@ pub(super) struct MaterialLibraries {
 }
 
 impl MaterialLibraries {
-    /// Reads the libraries named by `mtllib` lines of `checked`; complaints go into the report.
+    /// Reads the libraries named by `mtllib` lines of `checked`; errors and warnings go into the report.
     pub(super) fn read(
         context: &mut ImportContext<'_>,
         checked: &mut CheckedText<'_>,
@@ -61,8 +61,8 @@ impl MaterialLibraries {
         library
     }
 
-    /// Adds a material without values for each of the names that no library describes, as where a library is missing: leaves are
-    /// found by the names of their materials.
+    /// Adds an empty material for each of the names that no library describes, as happens when a library is missing:
+    /// leaves are identified by the names of their materials.
     pub(super) fn add_undescribed(&mut self, names: &BTreeSet<String>) {
         for name in names.iter().filter(|name| !self.described.contains(*name)) {
             self.text.push_str("newmtl ");
@@ -86,7 +86,7 @@ impl MaterialLibraries {
             let rest = rest(start, line);
             if let Some(warning) = unread_form(key, rest) {
                 checked.report(context, warning);
-                // `tobj` would refuse the whole library: it gets blanks, as many bytes as the line had.
+                // Because of this line `tobj` would refuse the whole library: overwrite it with as many blanks.
                 read.replace_range(start..start + line.len(), &" ".repeat(line.len()));
                 continue;
             }
@@ -103,7 +103,7 @@ impl MaterialLibraries {
                 self.described.insert(material.clone());
             }
             let Some(map) = MAP_STATEMENTS.into_iter().find(|m| *m == key.text) else { continue };
-            // A mesh has one set of texture coordinates, so that the first map of a material decides.
+            // A mesh has one set of texture coordinates, so the first map of a material determines them.
             let placement = MapPlacement::of(rest.text);
             if *self.placements.entry(material.clone()).or_insert(placement) != placement {
                 let message =
@@ -135,10 +135,10 @@ impl MaterialLibraries {
     }
 }
 
-/// Reads the picture that a map names. Blender writes absolute paths of pictures that lie elsewhere: in place of a path that is refused
-/// the picture of that name beside the library, or in a search folder, is read, with a warning.
+/// Reads the picture that a map names. Blender writes absolute paths to pictures in other folders. If such a path is
+/// refused, a picture of the same name beside the library or in a search folder is read instead, with a warning.
 /// # Errors
-/// That of the path as it is written.
+/// The error of the path as it is written.
 fn read_picture(
     context: &ImportContext<'_>,
     library: &Path,
@@ -163,8 +163,8 @@ fn read_picture(
     }
 }
 
-/// The warning about a line in a form of the format that is not read: a colour as a spectral curve or in CIE XYZ, an opacity with
-/// a halo.
+/// The warning about a line whose form is not supported: a colour as a spectral curve or in CIE XYZ, an opacity with a
+/// halo.
 fn unread_form(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
     let form = rest.text.split_whitespace().next()?;
     let (is_unread, help) = match key.text {
@@ -178,7 +178,7 @@ fn unread_form(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
     is_unread.then(|| SyntaxError { code: "X016", ..key.syntax_error(message, help) })
 }
 
-/// The warning about a map that is not read although a material has its property.
+/// The warning about a map that is not read, although a material has the property that it describes.
 fn unread_map(key: ObjToken<'_>) -> Option<SyntaxError> {
     let (message, help) = match key.text {
         "map_Bump" | "map_bump" | "bump" => {
@@ -201,10 +201,11 @@ pub(super) struct MapPlacement {
 }
 
 impl MapPlacement {
-    /// Maps that lie as the texture coordinates say.
+    /// Maps that lie as the texture coordinates say, without scale and offset.
     const UNCHANGED: Self = Self { scale: Vec2::ONE, offset: Vec2::ZERO };
 
-    /// The options before the file name of a map line; up to three numbers follow each, of which the third is for solid textures.
+    /// Parses the options before the file name of a map line; up to three numbers follow each, the third for solid
+    /// textures.
     fn of(options: &str) -> Self {
         let (mut scale, mut offset) = ([1.0, 1.0], [0.0, 0.0]);
         let (mut option, mut next) = ("", 0);
@@ -350,7 +351,7 @@ impl<'l> ObjMaterials<'l> {
         if let Some(roughness) = given.unknown_param.get("Pr").and_then(|p| number(p.split_whitespace().next()?).ok()) {
             material.roughness = math::narrow(roughness.clamp(0.0, 1.0));
         }
-        // Exporters also write values, such as 0, that are no index of refraction.
+        // Exporters also write values that are no index of refraction, such as 0.
         material.ior = given.optical_density.filter(|n| (1.0..=3.0).contains(n)).unwrap_or(material.ior);
         let mut color = self.decode_map(context, given, "map_Kd")?;
         if let Some(mask) = self.decode_map(context, given, "map_d")? {
@@ -407,7 +408,7 @@ fn map_file(line: ObjToken<'_>) -> ObjToken<'_> {
     while rest.starts_with('-') {
         let (option, mut after) = rest.split_once(' ').unwrap_or((rest, ""));
         let (least, most) = match option {
-            // u, and where given v and w: a word that is no number begins the file name.
+            // u, and optionally v and w: a word that is not a number begins the file name.
             "-o" | "-s" | "-t" => (1, 3),
             // Base and gain of a colour map: always two numbers.
             "-mm" => (2, 2),

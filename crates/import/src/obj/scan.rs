@@ -18,7 +18,7 @@ pub(super) struct ObjSummary {
     pub(super) libraries: Vec<(String, usize)>,
     /// Names of the materials that faces use.
     pub(super) materials: BTreeSet<String>,
-    /// Whether `tobj` would read the text wrongly: [`super::tokens::for_tobj`] mends it.
+    /// Whether `tobj` would misread the text, so that [`super::tokens::for_tobj`] must rewrite it.
     pub(super) needs_rewrite: bool,
     /// Whether some vertices have a colour and others none.
     pub(super) lacks_colors: bool,
@@ -92,7 +92,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     }
     context.limit("vertices", counts.vertices.max(counts.uvs).max(counts.normals))?;
     context.limit("triangles", counts.triangles)?;
-    // Vertices of objects without colours are white beside coloured ones.
+    // Vertices of objects without colours become white if other vertices have colours.
     let lacks_colors = counts.colored != 0 && counts.colored != counts.vertices;
     if lacks_colors && counts.weighted > 0 {
         let (some, all) = (counts.colored, counts.vertices);
@@ -114,7 +114,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     Ok((errors == 0).then_some(ObjSummary { libraries, materials, needs_rewrite, lacks_colors }))
 }
 
-/// Checks that as many numbers follow as allowed; returns how many.
+/// Checks that all tokens are numbers and that their count is allowed; returns the count.
 fn numbers<'a>(
     key: ObjToken<'_>,
     tokens: impl Iterator<Item = ObjToken<'a>>,
@@ -207,7 +207,7 @@ fn face<'a>(
     Ok(())
 }
 
-/// Checks one index of a corner against what was defined above it.
+/// Checks one index of a corner against the number of elements defined above it.
 fn index(token: ObjToken<'_>, field: Option<&str>, count: u64, what: &str, optional: bool) -> Result<(), SyntaxError> {
     let field = match field {
         None | Some("") if optional => return Ok(()),

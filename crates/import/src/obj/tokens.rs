@@ -44,11 +44,11 @@ impl ObjToken<'_> {
 
 /// The text with continued lines joined and tabs replaced by blanks; every byte keeps its offset.
 pub(super) fn plain(text: &str) -> String {
-    // A backslash and its line end become two blanks, as many bytes as they were.
+    // A backslash and its line end become two blanks, so that the length stays the same.
     text.replace("\\\n", "  ").replace('\t', " ")
 }
 
-/// Which indices a corner of a face has beside that of its vertex.
+/// Which indices a corner of a face has besides that of its vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct CornerForm {
     uv: bool,
@@ -64,11 +64,12 @@ impl CornerForm {
     }
 }
 
-/// A plain text as `tobj` reads it right. Lines (`l`) are left out, because `tobj` makes faces of them. An object begins anew
-/// before a face whose corners have another form than those of the face before: `tobj` lists the texture coordinates and normals of
-/// an object without gaps, so that those of an object with and without them would belong to other vertices. Nothing is indented,
-/// since `tobj` counts blanks before `usemtl` and `o` as a part of the name. With `fill_colors` vertices without a colour are white,
-/// since `tobj` takes colours for all vertices or for none.
+/// Rewrites a plain text so that `tobj` reads it correctly. Lines (`l`) are left out, because `tobj` makes faces of
+/// them. A new object begins before each face whose corners have another form than those of the face before: `tobj`
+/// stores the texture coordinates and normals of an object without gaps, so that in an object with mixed forms they
+/// would belong to other vertices. Indentation is removed, since `tobj` counts blanks before `usemtl` and `o` as a part
+/// of the name. With `fill_colors`, vertices without a colour become white, since `tobj` takes colours for all vertices
+/// or for none.
 pub(super) fn for_tobj(plain: &str, fill_colors: bool) -> String {
     let mut text = String::with_capacity(plain.len());
     let (mut object, mut last) = ("o", None);
@@ -102,7 +103,7 @@ pub(super) fn lines(plain: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut next = 0;
     let with_start = plain.split('\n').map(move |line| {
         let start = next;
-        // One byte more for the line end that `split` took away.
+        // Add the length of the line end that `split` removed.
         next += line.len() + 1;
         (start, line)
     });

@@ -12,15 +12,16 @@ use crate::flight::tuning::{CLUSTER_SPIN_TIME, CLUSTERS_PER_TASK, MAX_CLUSTER_SP
 use osier_base::math::narrow;
 use osier_wind::Wind;
 
-/// Carrying velocity at a point, m/s: wind, updraft less settling, and glide along the tilted tuft.
+/// Velocity, m/s, towards which a body at a point relaxes: wind plus updraft, minus settling speed, plus glide along the
+/// horizontal part of the tuft's axis.
 fn carrying_velocity(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) -> DVec3 {
     // Only the horizontal part of the tuft's axis makes it glide.
     let level = Vec3::new(tuft.x, 0.0, tuft.z).as_dvec3();
     air.as_dvec3() + DVec3::Y * (lift - fall) + level * (glide * fall)
 }
 
-/// Velocity of the air relative to a body that has settled in a wind of constant `acceleration`, m/s^2, without glide, in m/s:
-/// it lags behind the air by its time constant `tau`, s.
+/// Steady velocity, m/s, of the air relative to a body that does not glide, in a wind of constant `acceleration`, m/s^2: the body
+/// lags behind the air by its time constant `tau`, s.
 fn lasting_flow(acceleration: Vec3, tau: f64, fall: f64, lift: f64) -> Vec3 {
     (acceleration.as_dvec3() * tau + DVec3::Y * (fall - lift)).as_vec3()
 }
@@ -66,7 +67,7 @@ impl WindProbe {
 }
 
 impl FlightSimulation {
-    /// Releases pending catkins by time or by the wind at them (see [`WindRelease::releases`]); `t`: begin of the step, s.
+    /// Releases pending catkins by time or by the wind at them (see [`WindRelease::releases`]); `t`: beginning of the step, s.
     pub(super) fn release_pending(&mut self, wind: &dyn Wind, t: f64) {
         if !self.present.pending {
             return;
@@ -120,18 +121,18 @@ impl FlightSimulation {
                 let (way, v) = step(c).full_step(c.v, pull(c, *air, t + dt / 2.0));
                 // Sweep the ball along its displacement: the first contact ends the flight.
                 let path = SweptBall { from: c.x, way, radius: c.radius };
-                // A flight begins with the wind at its place, not with what an earlier flight left.
+                // At the start of a flight the relative wind is that at the catkin's position, not the value left by an earlier flight.
                 if std::mem::take(&mut c.begins_flight) {
                     c.flow = *before - c.v.as_vec3();
                 }
-                // The wind on its way, taken to change evenly over the step, for tumbling.
+                // Acceleration of the wind along the path, for tumbling: the wind is assumed to change linearly over the step.
                 let acceleration = (*air - *before) * (2.0 / narrow(dt));
                 c.lasting_flow =
                     lasting_flow(acceleration, options.relaxation_time(c.fall), c.fall, c.lift_at(t + dt / 2.0));
                 let landing = path.sweep(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
-                // A catkin that would land beyond an open side has left the box before.
+                // A catkin whose path ends on a surface beyond an open side has left the box before it lands.
                 if !options.is_past_an_open_side(c.x) && c.land_on(&landing) {
                     landed.extend(c.resting_place());
                 }
@@ -208,7 +209,7 @@ impl FlightSimulation {
         let (mut sum, mut mass) = (DVec3::ZERO, 0.0);
         for (i, air) in probe.which.iter().zip(&probe.air) {
             let c = self.catkin(cluster.members[*i]);
-            // Settling is that of the cluster as a whole, glide that of each member's orientation.
+            // The settling speed is that of the cluster; the glide depends on the orientation of each member.
             sum += carrying_velocity(*air, c.tuft(), cluster.fall, self.options.glide, lift) * c.mass;
             mass += c.mass;
         }

@@ -1,8 +1,8 @@
 //! Attraction of singles to deposited clusters (\[catkin\] 4.3, eq. 14).
 //!
 //! The paper moves a single by its distance d times F = e^(-gamma d^2) every 0.3 s. Here F is fixed at such ticks, and
-//! the motion between them is uniform in the logarithm: x += (1 - (1 - F)^(dt / T)) (target - x). At ticks both agree
-//! for any step; evaluating F anew in every step would make the result depend on the step.
+//! the motion between them is uniform in the logarithm: x += (1 - (1 - F)^(dt / T)) (target - x). At the ticks the positions
+//! agree with the paper's for any time step; if F were evaluated in every step, the result would depend on the step.
 
 use glam::{DVec3, Vec3};
 
@@ -14,7 +14,8 @@ use osier_base::math::{exp, ln, narrow};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 
-/// Whether a member of a cluster attracts a single: on the ground, at the same wall, or from the air into a corner.
+/// Whether a member of a cluster attracts a single: if both are on the ground or at the same wall, or if the single is in the air
+/// and the member in a corner.
 fn attracts(single: &Catkin, member: &Catkin) -> bool {
     use CatkinState::{Airborne, Corner, Grounded, OnWall};
     match (single.state, member.state) {
@@ -90,7 +91,8 @@ impl FlightSimulation {
         }
     }
 
-    /// The nearest member that attracts it, with the square of the distance; ties go to the lower index.
+    /// The nearest cluster member that attracts the catkin `c`, with the square of its distance, m^2; of equally near ones the
+    /// one of the lowest index.
     fn nearest_attractor(&self, c: &Catkin, grid: &NeighbourGrid, reach: f64) -> Option<(f64, u32)> {
         // Search the cells within reach, across periodic sides too; ties in distance go to the lower index, so that the result is
         // unique. Members of a cluster may lie a little beyond a side.

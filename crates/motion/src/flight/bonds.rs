@@ -1,4 +1,4 @@
-//! Bonds of a cluster: one per join, a tree over its members, along which they contract.
+//! Bonds of a cluster. Each join adds one, so that they form a tree over the members; the cluster contracts along them.
 
 use crate::flight::tuning::{CONTRACTION_TIME, NEGLIGIBLE_LENGTH_SQUARED};
 use glam::DVec3;
@@ -9,12 +9,12 @@ use osier_base::math::exp;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClusterBond {
     pub ends: [u32; 2],
-    /// Remaining displacement of the first member, and of all that it carries, towards the second, m.
+    /// Remaining displacement, m, of the first member and of all members on its side of the bond, towards the second.
     pub left: DVec3,
 }
 
 impl ClusterBond {
-    /// Takes the share `gone`, 0 to 1, off the remaining displacement and returns that part, m.
+    /// Subtracts the share `gone`, 0 to 1, from the remaining displacement and returns the subtracted part, m.
     fn close(&mut self, gone: f64) -> DVec3 {
         // Exponential approach, completed at once when it becomes invisible.
         let way = if self.left.length_squared() < NEGLIGIBLE_LENGTH_SQUARED { self.left } else { self.left * gone };
@@ -56,11 +56,11 @@ pub(super) fn contract_bonds(bonds: &mut [ClusterBond], members: &[u32], dt: f64
     let gone = 1.0 - exp(-dt / CONTRACTION_TIME);
     let n = members.len();
     if let ([bond], 2) = (&mut *bonds, n) {
-        // Most clusters are pairs.
+        // Most clusters are pairs, for which no tree needs to be walked.
         let way = bond.close(gone);
         return Some(vec![DVec3::ZERO, if bond.ends[0] == members[0] { -way } else { way }]);
     }
-    // Walk the tree from the first member: each bond adds its displacement to all that hangs on its far end.
+    // Walk the tree from the first member: each bond adds its displacement to all members beyond it.
     let mut next: Vec<Vec<(usize, DVec3)>> = vec![Vec::new(); n];
     for bond in bonds {
         let way = bond.close(gone);

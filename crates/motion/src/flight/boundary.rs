@@ -86,9 +86,8 @@ impl FlightSimulation {
         let x = cluster.as_ref().map_or_else(|| self.catkin(root).x, |c| c.x);
         let members = cluster.map_or_else(|| vec![root], |c| c.members);
         let dt = self.time_step();
-        // Recycling starts at the first whole frame after the exit. Of frame rates such as 29.97 times carry rounding errors, which must
-        // not make the end of a frame a part of the next.
-        // A shorter first interval moves all frames.
+        // Recycling starts at the first whole frame after the exit. At frame rates such as 29.97 times have rounding errors; the tolerance
+        // keeps the end of a frame from counting as part of the next one. A shorter first interval shifts the times of all frames.
         let first = self.options.first_interval;
         let frames = ((t + dt - first) * self.options.fps - 1e-6).ceil();
         let back = first + (frames + HIDDEN_FRAMES - 1.0) / self.options.fps;
@@ -98,7 +97,7 @@ impl FlightSimulation {
         let x_side = x.x < f64::from(inside.min.x) || x.x > f64::from(inside.max.x);
         let side = self.options.edges[usize::from(!x_side)];
         for id in members {
-            // Deposits never come back.
+            // Deposited catkins that leave the box are not recycled.
             let recycles = side == SideBoundary::Recycle && !self.catkin(id).state.is_deposited();
             let c = self.catkin_mut(id);
             (c.state, c.root, c.free, c.target, c.face) = (CatkinState::Exited, id, false, NO_TARGET, None);
@@ -123,7 +122,7 @@ impl FlightSimulation {
             if when.is_finite() && !c.moved && now + frame * 1e-6 >= when {
                 let mut draw =
                     Rng::at(seed, &["flight".into(), c.id.into(), (c.generation + 1).into(), "entry".into()]);
-                // Draw until the position is outside of solids; the last draw counts.
+                // Draw until the position is outside of solids; the last draw is used even if it is inside.
                 let mut at = inflow_point(wind, inside, edges, band, &mut draw);
                 for _ in 1..MAX_START_DRAWS {
                     if !solids.contains(at.as_vec3()) {
@@ -149,7 +148,7 @@ impl Catkin {
         self.from += by;
     }
 
-    /// Continues the flight at the present position, with the mean wind at this time and settling.
+    /// Starts a new flight at the present position, with the velocity of the mean wind minus the settling speed.
     fn restart_flight(&mut self, wind: Vec3, options: &super::FlightParams) {
         self.generation += 1;
         self.state = CatkinState::Airborne;

@@ -93,7 +93,7 @@ impl CatkinCluster {
         bonded_groups(&bonds, &self.members).into_iter().map(own).collect()
     }
 
-    /// Contracts bonds of an airborne cluster; the centre of mass stays. `mass`: of a member, kg.
+    /// Contracts bonds of an airborne cluster; the centre of mass stays. `mass`: mass of the member of an index, kg.
     pub fn contract_in_flight(&mut self, dt: f64, mass: impl Fn(u32) -> f64) {
         if let Some(moved) = contract_bonds(&mut self.bonds, &self.members, dt) {
             self.offsets.iter_mut().zip(moved).for_each(|(o, by)| *o += by);
@@ -115,7 +115,8 @@ impl CatkinCluster {
         }
     }
 
-    /// Makes offsets relative to the centre of mass again, and returns the error that they had, m. `mass`: of a member, kg.
+    /// Makes offsets relative to the centre of mass again, and returns the vector that was subtracted from them, m. `mass`: mass
+    /// of the member of an index, kg.
     fn recenter(&mut self, mass: impl Fn(u32) -> f64) -> DVec3 {
         let all = self.members.iter().zip(&self.offsets);
         let off = all.fold(DVec3::ZERO, |sum, (id, offset)| sum + *offset * mass(*id)) / self.mass;
@@ -128,7 +129,8 @@ impl CatkinCluster {
         self.bonds.iter().any(|b| b.left != DVec3::ZERO)
     }
 
-    /// Sets the positions of all members, in the order of `members`, m, and the centre of mass. `mass`: of a member, kg.
+    /// Sets the positions of all members, in the order of `members`, m, and the centre of mass. `mass`: mass of the member of an
+    /// index, kg.
     pub fn set_member_positions(&mut self, places: &[DVec3], mass: impl Fn(u32) -> f64) {
         self.offsets.iter_mut().zip(places).for_each(|(o, p)| *o = *p - self.x);
         let off = self.recenter(mass);
@@ -163,12 +165,12 @@ impl CatkinCluster {
         if self.state == CatkinState::Airborne { self.v + self.omega.as_dvec3().cross(offset) } else { self.v }
     }
 
-    /// Updraft that remains of its lift-off, m/s.
+    /// Updraft, m/s, that is left at time `t`, s, from the last lift-off.
     pub fn lift_at(&self, t: f64) -> f64 {
         decayed_updraft(self.lift, t - self.lifted)
     }
 
-    /// Both clusters as one body. In the air linear momentum is conserved (\[catkin\] eq. 13); a deposited cluster
+    /// Joins both clusters to one body. If both are airborne, linear momentum is conserved (\[catkin\] eq. 13); a deposited cluster
     /// stops the other.
     fn merged_with(self, other: Self, t: f64) -> Self {
         // Conserve momentum: velocities, updrafts and spins average by mass.
@@ -228,7 +230,7 @@ fn merged_state(a: CatkinState, b: CatkinState) -> CatkinState {
 }
 
 impl FlightSimulation {
-    /// Takes a cluster out of the map, or makes one of a single; its updraft is brought to time `t`, s.
+    /// Takes a cluster out of the map, or makes one of a single; its updraft is evaluated at time `t`, s.
     fn take_cluster(&mut self, root: u32, t: f64) -> CatkinCluster {
         let mut body = self.clusters.remove(&root).unwrap_or_else(|| CatkinCluster::from_single(self.catkin(root)));
         body.lift = body.lift_at(t);
@@ -242,7 +244,8 @@ impl FlightSimulation {
         if a == b {
             return;
         }
-        // Across a periodic seam the second cluster is shifted to the image next to the first; a deposit stays, and of two the larger.
+        // Across a periodic side one of the clusters is shifted to its image next to the other: an airborne cluster rather than a
+        // deposited one, of two deposited ones the smaller, of two airborne ones the second.
         let (mut one, mut other) = (self.take_cluster(a, t), self.take_cluster(b, t));
         let shift = self.periodic_shift(one.x - other.x);
         if shift != DVec3::ZERO {
@@ -250,7 +253,7 @@ impl FlightSimulation {
                 && (one.state == CatkinState::Airborne || one.members.len() < other.members.len());
             let (moved, by) = if other_stays { (&mut one, shift * -1.0) } else { (&mut other, shift) };
             moved.x += by;
-            // The distance from the release does not change.
+            // The points of release are shifted too, so that the distances flown do not change.
             moved.members.iter().for_each(|id| self.catkin_mut(*id).from += by);
         }
         let (ci, cj) = (self.catkin(i), self.catkin(j));
@@ -357,8 +360,8 @@ impl FlightSimulation {
         between + self.periodic_shift(between * -1.0)
     }
 
-    /// Translations by whole box sizes that bring a place within `reach`, m, of periodic sides to its images beyond the opposite ones; the
-    /// first is 0.
+    /// Translations by whole box sizes from a place to its images: for each periodic side within `reach`, m, of the place there
+    /// is an image beyond the opposite side. The first translation is 0.
     pub(super) fn image_shifts(&self, at: Vec3, reach: f32) -> impl Iterator<Item = Vec3> {
         let (inside, [ex, ez]) = (self.options.inside, self.options.edges);
         let size = inside.size();

@@ -42,7 +42,8 @@ impl SweepResult {
 impl SweptBall {
     /// Moves the sphere up to the first contact, and returns the end of its path and the surface that stopped it.
     pub fn sweep(&self, solids: &Solids) -> SweepResult {
-        // Without contact the whole displacement is free; else settle at the contact and look up the surface.
+        // Without contact the whole displacement is free; otherwise push the sphere out of the solids at the contact and classify
+        // the surface there.
         let (gone, met) = self.trace_free_share(solids);
         if met.is_none() {
             return SweepResult { at: self.from + self.way, contact: None };
@@ -84,7 +85,7 @@ impl SweptBall {
         if gone >= length {
             return (1.0, None);
         }
-        // At the limit of steps the path ends where it has come to, at the surface that is nearest there.
+        // If the limit of steps is reached, the path ends at the present position, in contact with the nearest surface.
         let reached = self.from + self.way * (gone / length);
         (gone / length, solids.near(reached.as_vec3(), reach))
     }
@@ -115,7 +116,7 @@ pub(super) fn is_supported(solids: &Solids, at: DVec3, radius: f32) -> bool {
     solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR).iter().any(|n| n.nearest.normal.y > GROUND_NORMAL_Y)
 }
 
-/// The ground if the sphere penetrates it, else the surface with the deepest penetration; `None` without any.
+/// The ground if the sphere penetrates it, else the surface with the deepest penetration; `None` for an empty list.
 pub(super) fn deepest_penetration(near: Vec<Near>) -> Option<Near> {
     // Ground before walls, then the smallest signed distance.
     let rank = |n: &Near| (n.nearest.normal.y <= GROUND_NORMAL_Y, n.nearest.distance);

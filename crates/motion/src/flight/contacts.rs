@@ -11,7 +11,7 @@ use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 
-/// A catkin over a step at whose beginning it was airborne.
+/// A catkin that was airborne at the beginning of the step, with its path over the step.
 #[derive(Debug, Clone, Copy)]
 struct SweptCatkin {
     id: u32,
@@ -42,14 +42,14 @@ struct BoundingSphere {
     radius: f32,
 }
 
-/// Offsets in x and y of the rows of cells that a cell is tested against; with its row from the cell itself onwards in z they
-/// cover half of its 26 neighbours, so that every pair of cells is visited once.
+/// Offsets in x and y of the neighbouring rows that a cell is tested against. Together with the next cell of its own row they
+/// hold half of its 26 neighbours, so that every pair of cells is visited once.
 const FORWARD_ROWS: [(i32, i32); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
 /// Airborne catkins sorted into the cells of a uniform grid; cells along z are contiguous in memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ContactGrid {
-    /// In the order of the catkins.
+    /// Airborne catkins in the order of the list of catkins, and their bounding spheres in the same order.
     flyers: Vec<SweptCatkin>,
     loose: Vec<BoundingSphere>,
     /// The spheres in the order of cells, and the flyer of each.
@@ -89,7 +89,7 @@ impl ContactGrid {
 
     /// Counting sort of the spheres by cell.
     fn sort_into_cells(&mut self) {
-        // Remove the mean drift: the remaining displacements are small, and with them bounding spheres and cells.
+        // Subtract the mean drift from all displacements: bounding spheres and cells can then be small.
         let ways = Bounds::of(self.flyers.iter().map(|f| f.way));
         let (drift, stray) = (ways.center(), 0.5 * ways.size().length());
         let mut reach = 0.0_f32;
@@ -97,8 +97,8 @@ impl ContactGrid {
             ball.radius = (f.reach + 0.5 * (f.way - drift).length()) * ROUNDING_MARGIN;
             reach = reach.max(f.reach);
         }
-        // Cells about as wide as the mean spacing, but never narrower than two spheres reach: then only neighbouring
-        // cells can hold contacts.
+        // Cells are about as wide as the mean spacing, but never narrower than the reach of two spheres, so that contacts occur
+        // in neighbouring cells only.
         let n = self.flyers.len().max(1) as f32;
         let volume = (self.size.x * self.size.y * self.size.z).max(f32::MIN_POSITIVE);
         let side = (2.0 * reach + stray).max(osier_base::math::pow_f32(volume / n, 1.0 / 3.0)).max(1e-3);
@@ -194,7 +194,7 @@ impl ContactGrid {
             }
             // Cells z - 1 to z + 1 of a neighbouring row are contiguous.
             let (before, after) = (z.saturating_sub(1), (z + 2).min(n));
-            // Within the cell and its successor along z, which are contiguous.
+            // Test pairs within the cell, and with the next cell along z, which is contiguous with it.
             let next = self.begins[own + after] as usize;
             here.clone().for_each(|i| self.test_pairs(i, i + 1..next, Vec3::ZERO, pairs));
             let mut meet = |cubes: std::ops::Range<usize>, by: Vec3| {
@@ -220,7 +220,7 @@ impl ContactGrid {
         // Bounding spheres reject most pairs; the exact swept test decides the rest.
         let a = self.balls[i];
         for (b, k) in self.balls[others.clone()].iter().zip(others) {
-            // Written so that swapping both gives the same bits with the opposite sign.
+            // This order of operations gives the same bits with the opposite sign if a and b are swapped.
             let between = (b.middle - a.middle) + by;
             let reach = a.radius + b.radius;
             if between.length_squared() <= reach * reach {
@@ -277,7 +277,7 @@ impl FlightSimulation {
     }
 
     fn airborne_contacts(&mut self) -> Vec<(u32, u32)> {
-        // Without deposits no other search needs the paths of this step.
+        // Without deposits no other search needs the paths of this step, so that they are reset here.
         self.contact_grid.collect_flyers(&self.options, &mut self.catkins, !self.present.deposited);
         if self.contact_grid.flyers.len() < 2 {
             return Vec::new();
@@ -325,7 +325,7 @@ impl FlightSimulation {
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
         let start = (c.x - c.travel).as_vec3();
         let way = end - start;
-        // Near a periodic side also the images of its path beyond the other side, where members of clusters may lie too.
+        // Near a periodic side, test the images of the path beyond the opposite side too; members of clusters may lie outside the box.
         for shift in self.image_shifts(end, 2.0 * reach + way.length()) {
             let (start, end) = (start + shift, end + shift);
             let (low, high) = (start.min(end) - Vec3::splat(reach), start.max(end) + Vec3::splat(reach));

@@ -32,7 +32,7 @@ impl Catkin {
 }
 
 impl FlightSimulation {
-    /// Sweep of a cluster: the member with the least free share limits all.
+    /// Sweeps all members of a cluster along `way`, m: the member with the smallest free share limits the motion of the cluster.
     pub(super) fn sweep_cluster(&self, cluster: &CatkinCluster, way: DVec3) -> SweepResult {
         let mut least = 1.0_f64;
         let mut met = false;
@@ -75,8 +75,8 @@ impl FlightSimulation {
         SweepResult { at, contact: combined_contact(&holds) }
     }
 
-    /// Slides wall deposits down, the slower the wetter the wall, or up in an updraft; contacts are evaluated anew. From the underside of
-    /// an overhang they detach.
+    /// Slides deposits on walls down, the slower the wetter the wall, or up in an updraft, and evaluates their contacts again.
+    /// Deposits on the underside of an overhang detach.
     pub(super) fn slide_down_walls(&mut self, wind: &dyn Wind, t: f64) {
         // Leaders only: members follow their cluster.
         let sliding =
@@ -99,7 +99,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Humidity of the face that carries a catkin, 0 to 1: that of the solid; of land, however steep it is, that of the ground.
+    /// Humidity, 0 to 1, of the face that supports a catkin: that of the solid, or for a height field of any slope that of the ground.
     pub(super) fn face_humidity(&self, c: &Catkin) -> f64 {
         match c.face.and_then(|i| self.solids.list().get(i as usize)) {
             Some(Solid { form: Form::Prism(_) | Form::Shell(_), humidity, .. }) => *humidity,
@@ -123,7 +123,7 @@ impl FlightSimulation {
             if landing.contact.is_none() {
                 self.counters.falls += cluster.members.len() as u64;
                 cluster.state = CatkinState::Airborne;
-                // Their flight continues: it lasts until the next deposition.
+                // The flight time of the members continues until the next deposition.
                 cluster.members.iter().for_each(|id| self.catkin_mut(*id).rested = -1.0);
             }
             self.clusters.insert(root, cluster);
@@ -134,7 +134,7 @@ impl FlightSimulation {
         let c = self.catkin_mut(root);
         let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&solids);
         let at = push_out_of_solids(&solids, c.x + way * gone, c.radius);
-        // Nothing brings a catkin back up to the ceiling from which it comes down.
+        // A catkin that detaches from an overhang is not moved back to the surface above it.
         let detaches = c.normal.y < OVERHANG_NORMAL_Y;
         let at = if detaches { at } else { follow_surface(&solids, at, c.radius, way) };
         c.v = (at - c.x) / dt;

@@ -213,10 +213,10 @@ impl FlightSimulation {
                 match held {
                     Some(hold) => {
                         c.rest_on(hold);
-                        // It has not moved: without a contact check it cannot join again the part that it was torn off.
+                        // The part has not moved: without a contact check it cannot join the rest of the cluster again.
                         c.moved_since_check = false;
                     }
-                    // Its path begins here: the heap's contraction in this step is no approach to the part that it was torn off.
+                    // Its path begins here, so that its displacement in the heap does not count as an approach to the rest of the cluster.
                     None => (c.state, c.rested, c.travel) = (CatkinState::Airborne, -1.0, DVec3::ZERO),
                 }
             }

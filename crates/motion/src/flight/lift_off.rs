@@ -126,7 +126,8 @@ impl FlightSimulation {
             let address = ["flight".into(), c.id.into(), c.generation.into(), c.hops.into(), "lift".into()];
             c.lift_exposure = narrow(-ln(1.0 - Rng::at(seed, &address).unit_f64())).max(f32::MIN_POSITIVE);
         }
-        // One that was deposited within the step has lain for half of it on average; its time of deposition is set at the end of the step.
+        // A catkin deposited within this step has rested for half of it on average. Its `rested` is still negative, since it is
+        // set at the end of the step.
         let lain = if c.rested < 0.0 { 0.5 * dt } else { dt };
         c.lift_exposure -= narrow(rate * lain);
         c.lift_exposure <= 0.0
@@ -153,7 +154,7 @@ impl FlightSimulation {
             (c.lift, c.lifted, c.lift_exposure, c.rested) = (rise, t, 0.0, -1.0);
             c.hops += 1;
             c.begins_flight = true;
-            // Contacts of this step were searched before: its path begins here.
+            // The contacts of this step have been searched already: the path for the next search begins here.
             (c.free, c.travel) = (true, DVec3::ZERO);
         }
     }

@@ -227,7 +227,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Computes the decay of velocities over a step anew, after the length of the steps has changed.
+    /// Recomputes the decay of velocities over a step after the length of the steps has changed.
     fn renew_velocity_decays(&mut self) {
         let dt = self.time_step();
         for c in &mut self.catkins {
@@ -274,7 +274,8 @@ impl FlightSimulation {
         self.present.pending
     }
 
-    /// Moves pending catkins with the plant from which they hang. `carried`: where the catkin of an index is; `None` leaves it.
+    /// Moves pending catkins with the plant from which they hang. `carried`: position and velocity of the catkin of an index, or
+    /// `None` to leave it unchanged.
     pub fn move_pending(&mut self, carried: impl Fn(u32) -> Option<CarriedPoint>) {
         for c in self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending) {
             if let Some(CarriedPoint { position, velocity }) = carried(c.id) {

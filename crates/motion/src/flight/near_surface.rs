@@ -33,7 +33,7 @@ impl<'a> NearSurfaceWind<'a> {
         Self { field, solids, known, blocked: narrow(options.blocking_height), roughness, log_known }
     }
 
-    /// Wind speed along a surface at a distance from it, m, over that at the height at which the field is resolved.
+    /// Wind speed along a surface at a distance from it, m, divided by the speed at the height at which the field is resolved.
     fn share_along(&self, distance: f32) -> f32 {
         if distance >= self.known {
             return 1.0;
@@ -41,14 +41,16 @@ impl<'a> NearSurfaceWind<'a> {
         ln_f32((distance.max(0.0) + self.roughness) / self.roughness) / self.log_known
     }
 
-    /// Where to sample the wind field for a place near the surfaces `near`: out of the unresolved layer of each.
+    /// Position at which the wind field is sampled for a place near the surfaces `near`: moved along their normals out of the
+    /// layers that the field does not resolve.
     fn resolved_place(&self, place: Vec3, near: &[Near]) -> Vec3 {
         near.iter().map(|n| n.nearest).fold(place, |at, n| at + n.normal * (self.known - n.distance).max(0.0))
     }
 
     /// Wind near the surfaces `near`, m/s, computed from `air`, the wind at the resolved place.
     fn slowed(&self, air: Vec3, near: &[Near]) -> Vec3 {
-        // Across the surface a linear decrease to 0, as in a stagnation flow; along it the logarithmic law.
+        // The velocity normal to the surface decreases linearly to 0, as in a stagnation flow; that along the surface follows the
+        // logarithmic law.
         near.iter().map(|n| n.nearest).fold(air, |air, n| {
             let across = n.normal * air.dot(n.normal);
             let share_across = (n.distance / self.blocked).clamp(0.0, 1.0);

@@ -87,14 +87,14 @@ pub struct FlightParams {
     pub fps: f64,
     /// Time steps per frame, >= 1.
     pub substeps: u32,
-    /// Duration, s, of the first interval between two frames, which has as many steps as the others; 0 for one that is as long as they.
-    /// A spin-up that is not a whole number of frames begins with a shorter one.
+    /// Duration of the first interval between two frames, s; it has as many steps as the others. 0: as long as the others. It is
+    /// shorter if a spin-up does not last a whole number of frames.
     pub first_interval: f64,
     /// Box of the simulated air in the world, m.
     pub inside: Bounds,
     /// Boundary condition of the sides across x, and across z.
     pub edges: [SideBoundary; 2],
-    /// Range of heights in which recycled catkins reenter, over the height of the box.
+    /// Range of heights in which recycled catkins reenter, as fractions of the height of the box.
     pub band: [f64; 2],
     /// Kinds of catkins, drawn in proportion to their weights; at least one.
     pub kinds: Vec<CatkinKind>,
@@ -104,9 +104,9 @@ pub struct FlightParams {
     pub mass: f64,
     /// Mean settling speed of single catkins in calm air, m/s.
     pub fall: f64,
-    /// Relative standard deviation of the settling speed, cut off at two.
+    /// Relative standard deviation of the settling speed; deviations are limited to two of it.
     pub fall_spread: f64,
-    /// Horizontal speed of a tilted catkin over its settling speed, 0 to 1.
+    /// Horizontal speed of a catkin whose tuft is level, divided by its settling speed, 0 to 1.
     pub glide: f64,
     /// Whether velocities relax towards the wind with the time constant v_s / g; else they follow at once.
     pub inertia: bool,
@@ -124,7 +124,7 @@ pub struct FlightParams {
     pub stick_radius: f64,
     /// Probability that a contact in the air holds.
     pub stick_probability: f64,
-    /// Distance to which bonded catkins contract, over the sum of their radii.
+    /// Distance to which bonded catkins contract, as a fraction of the sum of their radii.
     pub stick_close: f64,
     /// Decay of attraction with distance, 1/m^2, > 0; gamma of \[catkin\] eq. 14.
     pub gamma: f64,
@@ -138,8 +138,8 @@ pub struct FlightParams {
     pub lift_wet: f64,
     /// Least height above a surface at which the wind field is resolved, m; below, the logarithmic law is used.
     pub min_resolved_height: f64,
-    /// Height above a surface below which the wind across it decreases to 0, m; as `min_resolved_height` for a wind field that
-    /// does not blow through solids.
+    /// Height above a surface below which the wind normal to it decreases to 0, m; equal to `min_resolved_height` for a wind
+    /// field that does not blow through solids.
     pub blocking_height: f64,
     /// Displacement per step above which steps are counted in `FlightStats::long_steps`, m.
     pub longest_step: f64,
@@ -147,7 +147,7 @@ pub struct FlightParams {
     pub roughness: f64,
     /// Strength of tumbling: 1 is natural, 0 for none.
     pub flutter: f64,
-    /// Whether catkins are sorted by location now and then; changes no result.
+    /// Whether catkins are sorted by location at intervals, for speed; changes no result.
     pub sorted: bool,
 }
 
@@ -192,7 +192,7 @@ impl Default for FlightParams {
 }
 
 impl FlightParams {
-    /// Length of a step, s: that of a frame over `substeps`. Those of the first interval may be shorter.
+    /// Length of a step, s: 1 / (`fps` `substeps`). The steps of the first interval may be shorter.
     pub fn time_step(&self) -> f64 {
         1.0 / (self.fps * f64::from(self.substeps.max(1)))
     }
@@ -212,7 +212,7 @@ impl FlightParams {
         if self.is_shorter(step) {
             return step as f64 * self.length_of_step(step);
         }
-        // Of a whole number of frames the second term alone, so that times are multiples of the step.
+        // Without a shorter first interval only the second term counts, so that times are exact multiples of the step.
         let steps_before = if self.first_interval > 0.0 { u64::from(self.substeps.max(1)) } else { 0 };
         self.first_interval + (step - steps_before) as f64 * self.time_step()
     }

@@ -92,7 +92,7 @@ pub struct Catkin {
     pub(super) generation: u32,
     pub(super) fall: f64,
 
-    /// Velocity of the air relative to it that it would keep in this step without glide, m/s: `flow` relaxes towards it.
+    /// Steady velocity of the air relative to it in this step, without glide, m/s; `flow` relaxes towards it.
     pub(super) lasting_flow: Vec3,
     pub(super) scale: f32,
     pub(super) kind: u16,
@@ -264,7 +264,7 @@ impl Catkin {
         self.q * Vec3::Y
     }
 
-    /// Updraft at time `t`, s, that remains of its last lift-off, m/s.
+    /// Updraft, m/s, that is left at time `t`, s, from the last lift-off.
     pub(super) fn lift_at(&self, t: f64) -> f64 {
         decayed_updraft(self.lift, t - self.lifted)
     }
@@ -275,7 +275,7 @@ impl Catkin {
     }
 }
 
-/// Updraft of initially `speed`, m/s, after `after` seconds.
+/// Updraft, m/s, left after `after` seconds of one that began with `speed`, m/s.
 pub(super) fn decayed_updraft(speed: f64, after: f64) -> f64 {
     if speed > 0.0 { speed * exp(-after / UPDRAFT_TIME) } else { 0.0 }
 }

@@ -17,7 +17,7 @@ pub struct SkyRelease {
     pub count: u32,
     /// Box of the simulated air, m; starts are uniform over its x and z.
     pub inside: Bounds,
-    /// Range of start heights, over the height of the box.
+    /// Range of start heights, as fractions of the height of the box.
     pub band: [f64; 2],
     /// Duration over which starts are spread, s; 0 for all at once.
     pub duration: f64,
@@ -48,8 +48,8 @@ pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
         .collect()
 }
 
-/// Random point on an inflow side for a recycled catkin. `wind`: mean, m/s; `edges`: across x and z, of which periodic ones bring
-/// nothing in; `band`: range of heights over the box's.
+/// Random point on an inflow side for a recycled catkin. `wind`: mean wind, m/s; `edges`: boundary conditions of the sides across
+/// x and z, of which periodic ones have no inflow; `band`: range of heights as fractions of the height of the box.
 pub(super) fn inflow_point(
     wind: Vec3,
     inside: Bounds,
@@ -65,7 +65,7 @@ pub(super) fn inflow_point(
     let through = [flux(edges[0], f64::from(wind.x.abs()) * size.z), flux(edges[1], f64::from(wind.z.abs()) * size.x)];
     let across = |positive: bool, along: f64| if positive { 0.0 } else { along };
     let sum = through[0] + through[1];
-    // Where the mean wind blows through no open side, any that is open.
+    // If the mean wind blows through no open side, take a pair of sides that is not periodic.
     let across_z = if sum > 0.0 { u * sum >= through[0] } else { edges[0] == SideBoundary::Periodic };
     if across_z {
         DVec3::new(low.x + size.x * w, y, low.z + across(wind.z > 0.0, size.z))

@@ -65,13 +65,13 @@ pub struct FlightStats {
     pub flight_time: Option<f64>,
     /// Mean horizontal distance of deposited catkins from their release, m; `None` without any.
     pub flight_distance: Option<f64>,
-    /// Distance, m, that 10, 50 and 90 % of them do not exceed; `None` without deposits.
+    /// Horizontal distances from the release, m, that 10, 50 and 90 % of the deposited catkins do not exceed; `None` without deposits.
     pub distance_quantiles: Option<[f64; 3]>,
     /// Deposited catkins that penetrate a surface by more than 0.1 mm.
     pub penetrations: u64,
     /// Catkins that start inside a solid and never fly.
     pub buried: u64,
-    /// Steps of a catkin longer than [`super::FlightParams::longest_step`] so far.
+    /// Number of times so far that a catkin moved farther in a step than [`super::FlightParams::longest_step`].
     pub long_steps: u64,
 }
 
@@ -104,7 +104,7 @@ impl FlightSimulation {
         &self.landings
     }
 
-    /// Depositions so far at each solid, in the order of the solids, whatever became of them.
+    /// Depositions so far at each solid, in the order of the solids; catkins that have left the solid since are included.
     pub fn landings_per_solid(&self) -> &[u64] {
         &self.counters.deposits_at
     }

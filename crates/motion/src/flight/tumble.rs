@@ -63,7 +63,7 @@ impl TumbleStep {
             let keep = keeps(time);
             [keep, strength * flutter * osier_base::math::sqrt_f32(1.0 - keep * keep)]
         };
-        // 1e-6: a step as long as the longest is not divided for rounding.
+        // The tolerance of 1e-6 keeps a step of exactly the greatest length from being divided because of rounding.
         let parts = (step / MAX_TUMBLE_STEP - 1e-6).ceil().clamp(1.0, 1000.0) as u16;
         Self {
             dt,
@@ -87,14 +87,14 @@ impl TumbleStep {
         let decay = FlowDecay::new(self.part, self.time_per_speed * fall);
         let (a, b) = unit_noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
         // Ornstein-Uhlenbeck noise: an exact step with correlation time and variance that do not depend on the step. Within the
-        // step the torque changes evenly.
+        // step the torque changes linearly.
         let torque_before = c.random_torque;
         c.random_torque = torque_before * self.random_torque[0] + a * self.random_torque[1];
         let spin = c.omega.dot(c.tuft()) * self.spin[0] + b * self.spin[1];
         for part in 0..self.parts {
             let tuft = c.tuft();
-            // The relative wind v - u relaxes towards the lasting one, less the glide of the tuft as it is now; it acts with its
-            // mean over the part.
+            // The relative wind relaxes towards its steady value minus the glide along the tuft's present axis; the torque is
+            // that of its mean over the part.
             let lasting = c.lasting_flow - Vec3::new(tuft.x, 0.0, tuft.z) * (self.glide * fall);
             let lag = c.flow - lasting;
             let flow = lasting + lag * decay.mean;
@@ -131,7 +131,7 @@ impl FlightSimulation {
                 match c.state {
                     // The angular velocity is set above, from its cluster.
                     CatkinState::Airborne if c.clustered => c.q = rotate_by(c.q, c.omega * tumble.dt),
-                    // Catkins lift off and re-enter at the end of the step.
+                    // Catkins lift off and re-enter at the end of a step: they tumble from the next step on.
                     CatkinState::Airborne if !c.begins_flight => tumble.tumble(c),
                     _ => {
                         c.omega *= tumble.rest;

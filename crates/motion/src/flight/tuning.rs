@@ -1,4 +1,4 @@
-//! Numbers of the flight that were chosen by judgement or by trial, with what changes when they move.
+//! Numbers of the flight that were chosen by judgement or by trial, with the effect of changing them.
 
 /// Members of a cluster at which the wind is sampled, at most. More: no visible change in its motion.
 pub(crate) const MAX_WIND_SAMPLES: usize = 64;
@@ -31,22 +31,22 @@ pub(crate) const PLANES_PER_TASK: i32 = 4;
 /// Safety factor on bounding radii against f32 rounding. Exactly 1: a contact at grazing distance may be missed.
 pub(crate) const ROUNDING_MARGIN: f32 = 1.0 + 1e-5;
 
-/// Sphere-tracing steps, at most, and the least of them, m. Fewer: grazing sweeps end early; the shorter, the longer
-/// they take.
+/// Largest number of sphere-tracing steps, and length of the shortest step, m. Fewer steps: grazing sweeps end early; a shorter
+/// step: they take longer.
 pub(crate) const MAX_TRACE_STEPS: u32 = 32;
 pub(crate) const MIN_TRACE_STEP: f32 = 1e-5;
 
 /// Push-out passes for penetrating spheres, at most; a corner of three faces needs three.
 pub(crate) const MAX_PUSH_OUT_PASSES: u32 = 4;
 
-/// Distance that counts as contact, over the radius. Larger: deposits cling to walls that they do not touch.
+/// Distance of the centre from a surface that counts as contact, in radii. Larger: deposits cling to walls that they do not touch.
 pub(crate) const CONTACT_FACTOR: f32 = 1.05;
 
 /// Surfaces whose normal's y is above this (slopes below 60 degrees) count as ground, others as walls.
 pub(crate) const GROUND_NORMAL_Y: f32 = 0.5;
 
-/// From surfaces whose normal's y is below this (they overhang by more than 15 degrees) a catkin detaches straight down. Lower: it glides
-/// down along the underside of a roof; 0: rounding takes upright walls for ceilings.
+/// Catkins drop straight down from surfaces whose normal has a y below this (overhangs of more than 15 degrees). Lower: they
+/// slide along the underside of a roof; 0: rounding errors make overhangs of upright walls.
 pub(crate) const OVERHANG_NORMAL_Y: f32 = -0.26;
 
 /// Penetration below which nothing is pushed out, m.
@@ -65,12 +65,12 @@ pub(crate) const CONTRACTION_TIME: f64 = 0.6;
 /// Square of the distance below which a contraction is completed at once, m^2.
 pub(crate) const NEGLIGIBLE_LENGTH_SQUARED: f64 = 1e-10;
 
-/// Least distance in a heap over the sum of both radii: under their weight hairs interpenetrate. Smaller: flatter
-/// heaps.
+/// Least distance of two members of a heap, as a fraction of the sum of their radii: under their weight hairs interpenetrate.
+/// Smaller: flatter heaps.
 pub(crate) const PACKING_SHARE: f64 = 0.5;
 
-/// Distance within which a lower member counts as support, over the least distance. Larger: members roll off
-/// members that they do not touch.
+/// Distance within which a lower member counts as support, as a multiple of the least distance. Larger: members roll off members
+/// that they do not touch.
 pub(crate) const SUPPORT_FACTOR: f64 = 1.2;
 
 /// Relaxation rounds that push a sinking member out of others, at most. More: slower, with the same heaps.
@@ -93,14 +93,13 @@ pub(crate) const ENCOUNTER_TIME: f64 = 1.0;
 /// Reference height of the threshold wind, m.
 pub(crate) const LIFT_HEIGHT: f64 = 0.1;
 
-/// Creep speed of a dry single over the wind speed. Higher: catkins slide like leaves on ice.
+/// Creep speed of a dry single, as a fraction of the wind speed. Higher: catkins slide like leaves on ice.
 pub(crate) const CREEP_SHARE: f64 = 0.3;
 
-/// Updraft at lift-off over the excess of the wind above the threshold. Lower: catkins hop; higher: they fly off.
+/// Updraft at lift-off, as a fraction of the wind speed in excess of the threshold. Lower: catkins hop; higher: they fly off.
 pub(crate) const UPDRAFT_SHARE: f64 = 0.5;
 
-/// Height that every lift-off reaches in calm air, over the radius. Lower: invisible lift-offs are counted, more of them
-/// with shorter time steps.
+/// Height that every lift-off reaches in calm air, in radii. Lower: invisible lift-offs are counted, more of them with shorter time steps.
 pub(crate) const MIN_HOP: f64 = 2.0;
 
 /// Decay time of the updraft after a lift-off, s. Longer: lifted catkins rise out of sight; shorter: they drop at

@@ -77,7 +77,7 @@ impl MovingLeaf<'_> {
 
     /// Bounding box of the leaf in both poses, in the world.
     fn swept_bounds(&self) -> [DVec3; 2] {
-        // A thousandth more than the bounding sphere, as boxes are in single precision.
+        // The bounding sphere is enlarged by a thousandth, since boxes are in single precision.
         let r = DVec3::splat(self.collider.radius * self.scale * 1.001);
         let at = self.poses.map(|pose| pose.to_world(self.collider.center, self.scale));
         [at[0].min(at[1]) - r, at[0].max(at[1]) + r]
@@ -165,7 +165,7 @@ pub(crate) struct RainCollider<'a> {
     leaves: &'a [MovingLeaf<'a>],
     wood: &'a [WoodSegment],
     solids: &'a RainSolids,
-    /// Over the leaves, then the wood.
+    /// Hierarchy over the boxes of the leaves, followed by those of the wood segments.
     hierarchy: &'a SweptHierarchy,
 }
 

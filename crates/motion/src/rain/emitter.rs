@@ -127,16 +127,16 @@ impl RainEmitter {
         let end = |d: Option<&f64>| d.copied().unwrap_or(1e-3);
         let mut tracer = DriftTracer::new(bounds, wind, [end(diameters.first()), end(diameters.last())], params.g);
         let classes: Vec<usize> = diameters.iter().map(|d| tracer.size_class(*d)).collect();
-        // The area that an average drop of the clip is emitted from: needed for `total`, for estimates and statistics. That of the
-        // spin-up may differ, in wind that rises or abates.
+        // The area that an average drop of the clip is emitted from: needed for `total`, for estimates and statistics. The area
+        // during the spin-up may differ, if the wind changes.
         let areas = tracer.mean_areas([params.spin_up, params.duration], |t| intensity_factor(&params, t));
         let area_of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
         let area = classes.iter().map(area_of).sum::<f64>() / classes.len().max(1) as f64;
-        // Of each diameter as many drops are emitted as its area has shares of the sum.
+        // The number of drops of a diameter is proportional to the area of its source region.
         let time_of = |(d, class): (&f64, &usize)| area_of(class) / terminal_speed(*d, params.g);
         let times = diameters.iter().zip(&classes).map(time_of).sum::<f64>();
         let time_per_metre = times / classes.iter().map(area_of).sum::<f64>().max(f64::MIN_POSITIVE);
-        // Number flux from the rainfall rate: volume per area and time over the mean volume of a drop.
+        // Number flux from the rainfall rate: volume per area and time, divided by the mean volume of a drop.
         let integral = envelope_integral_of_clip(&params);
         let flux = match params.total {
             // An envelope that is 0 throughout the clip has no drops.
@@ -162,7 +162,7 @@ impl RainEmitter {
         }
     }
 
-    /// This emitter, less the drops that solids or ground keep from reaching the emission plane.
+    /// This emitter without the drops that solids or ground keep from reaching the emission plane.
     #[must_use]
     pub(crate) fn with_shelter(self, shelter: Shelter) -> Self {
         Self { shelter: Some(shelter), ..self }
@@ -173,7 +173,7 @@ impl RainEmitter {
         self.flux
     }
 
-    /// Rainfall rate at factor 1 of the envelope, m/s: that of the parameters, or the one that a total number of drops makes.
+    /// Rainfall rate at factor 1 of the envelope, m/s: that of the parameters, or the rate that results from a total number of drops.
     pub fn rate(&self) -> f64 {
         self.flux * self.mean_volume
     }
@@ -307,8 +307,8 @@ struct CumulativePoint {
     mm: f64,
 }
 
-/// The table of [`DIAMETER_TABLE_SIZE`] diameters, m, at the middles of intervals of equal probability: of the drops that cross a
-/// level area, not of the drops in a volume of air.
+/// The table of [`DIAMETER_TABLE_SIZE`] diameters, m, at the middles of intervals of equal probability. Probabilities are those
+/// among the drops that cross a level area, not among the drops in a volume of air.
 pub(crate) fn diameters_of_equal_probability(params: &RainfallParams) -> Vec<f64> {
     let n = DIAMETER_TABLE_SIZE as f64;
     let [least, most] = DIAMETER_RANGE_MM;
@@ -321,7 +321,7 @@ pub(crate) fn diameters_of_equal_probability(params: &RainfallParams) -> Vec<f64
         }),
         DropSizes::MarshallPalmer => {
             // Drops in a volume of air follow exp(-slope d), slope = 4.1 R^-0.21 per mm with R in mm/h; the flux through an area
-            // weights them by their speed, of which a factor cancels.
+            // weights them by their speed. A constant factor of the speed would cancel, so the speed on Earth serves any gravity.
             let slope = 4.1 * math::pow((params.intensity * 3.6e6).max(0.01), -0.21);
             Box::new(move |mm: f64| math::exp(-slope * mm) * terminal_speed_on_earth(mm * 1e-3))
         }

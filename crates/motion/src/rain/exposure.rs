@@ -63,15 +63,15 @@ impl RainExposure {
         };
         let samples = (0..EXPOSURE_SAMPLES).map(|k| {
             let middle = (f64::from(k) + 0.5) / f64::from(EXPOSURE_SAMPLES);
-            // Sizes in the order of the times would correlate both: the times step through the clip by three eighths of it.
+            // Sizes in the order of the times would correlate the two: from size to size the time advances by three eighths of the clip.
             let t = params.duration * (f64::from((3 * k) % EXPOSURE_SAMPLES) + 0.5) / f64::from(EXPOSURE_SAMPLES);
             RainSample { diameter: diameter_at(middle), t }
         });
         Self { shelter: Shelter::new(solids, ground, params.g), wind, samples: samples.collect(), g: params.g }
     }
 
-    /// Water that each place catches per area and time over the rainfall on level ground in the open: 1 on level ground, 0 where
-    /// no drop comes, above 1 where wind drives rain against a wall.
+    /// Water that each place catches per area and time, divided by the rainfall on level ground in the open: 1 on level ground, 0
+    /// where no drop arrives, above 1 where wind drives rain against a wall.
     pub fn catch_ratios(&self, points: &[ExposedPoint]) -> Vec<f32> {
         let mut ratios = vec![0.0; points.len()];
         let wind = self.wind.as_deref();
@@ -91,7 +91,7 @@ impl RainExposure {
                 .collect();
             let sheltered = self.shelter.find_blocked_drops(&drops, wind, sample.t);
             for ((i, drop), _) in facing.into_iter().zip(drops).zip(sheltered).filter(|(_, sheltered)| !sheltered) {
-                // Flux through the surface over that through level ground, -v.n / speed.
+                // Flux through the surface divided by the flux through level ground, -v.n / speed.
                 let ratio = -drop.v.dot(points[i].normal.as_dvec3()) / speed;
                 ratios[i] += osier_base::math::narrow(ratio / f64::from(EXPOSURE_SAMPLES));
             }

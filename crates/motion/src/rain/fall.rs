@@ -45,8 +45,8 @@ pub fn sphere_diameter(volume: f64) -> f64 {
 
 /// Velocity of a falling drop after a time step, m/s.
 ///
-/// `v`: velocity before the step, m/s. `volume`: of the drop, m^3. `g`: gravity, m/s^2. `air`: velocity of the air, m/s. `h`: time
-/// step, s.
+/// `v`: velocity before the step, m/s. `volume`: volume of the drop, m^3. `g`: gravity, m/s^2. `air`: velocity of the air, m/s.
+/// `h`: time step, s.
 /// Source: quadratic drag that balances gravity at terminal speed, a = -g |v| v / vt^2 with v relative to the air.
 pub(crate) fn step_velocity(v: DVec3, volume: f64, g: f64, air: DVec3, h: f64) -> DVec3 {
     let relative = v - air;

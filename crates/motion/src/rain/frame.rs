@@ -90,7 +90,7 @@ pub struct RainFrame {
     pub airborne: Vec<AirborneDrop>,
     /// Spots that became wet since the last frame.
     pub wet_spots: Vec<LeafWetSpot>,
-    /// Events since the last frame; of the first frame, since they were last taken from the simulation.
+    /// Events since the last frame; for the first frame, since they were last taken from the simulation.
     pub events: Vec<RainEvent>,
     /// Counts of events, and the largest impulse, since the simulation began.
     pub counters: DropCounters,

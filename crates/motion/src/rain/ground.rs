@@ -1,4 +1,4 @@
-//! The ground in the rain, at which drops end that strike nothing before.
+//! The ground in the rain, where drops end that have struck nothing else.
 
 use glam::DVec3;
 

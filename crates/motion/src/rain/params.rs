@@ -34,7 +34,7 @@ pub enum FrictionModel {
 pub enum MergeRule {
     /// The sum of their base radii: they merge as soon as they touch.
     Touch,
-    /// Where the attraction of [yang-wu] eq. 12 exceeds friction, closer than touching.
+    /// The distance at which the attraction of [yang-wu] eq. 12 exceeds friction; it is shorter than that at which drops touch.
     Paper,
 }
 

@@ -1,4 +1,4 @@
-//! Shelter: drops that would have struck a solid or the land above the height at which rain is emitted.
+//! Shelter: finds emitted drops that would have struck a solid or the land above the height at which rain is emitted.
 
 use std::sync::Arc;
 
@@ -46,7 +46,7 @@ impl Shelter {
         }
         // Follow all drops backwards in time up to the greatest height of solids and ground, at terminal speed in the wind of
         // that time. A drop whose path crosses a face or the ground never arrives.
-        // A slower fall takes longer steps, so that their number reaches as high.
+        // Under lower gravity drops fall more slowly and the steps are longer, so that the same number of steps reaches as high.
         let h = SHELTER_STEP * math::sqrt(GRAVITY / self.g);
         let mut tracks: Vec<BackwardPath> = drops.iter().map(|drop| BackwardPath::new(drop, self.g)).collect();
         for step in 0..MAX_SHELTER_STEPS {

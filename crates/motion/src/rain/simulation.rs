@@ -173,7 +173,7 @@ pub struct RainSimulation {
     /// Accelerations of the leaves that drops respond to, by leaf.
     responses: Vec<SmoothedLeafAcceleration>,
     wood: Vec<Vec<WoodSegment>>,
-    /// Over the boxes that leaves and wood sweep in a step.
+    /// Hierarchy over the boxes that leaves and wood sweep in a step.
     hierarchy: SweptHierarchy,
     wind: Option<Arc<dyn Wind>>,
     ground: Arc<dyn GroundHeight>,
@@ -378,7 +378,7 @@ impl RainSimulation {
         self.wood = self.wood_segments();
         let hits = self.advance_falling_drops(&before, h);
         self.t += h;
-        // Hits change plants and draw random numbers, hence one after the other in a fixed order.
+        // Hits change plants and draw random numbers: apply them one after the other in a fixed order.
         for DropStrike { drop, hit } in hits {
             match hit {
                 DropHit::Leaf { leaf, hit } => self.strike_leaf(&drop, leaf, &hit),
@@ -467,7 +467,7 @@ impl RainSimulation {
             let mut with_holes: Vec<usize> = Vec::new();
             // A path above the highest ground cannot reach the ground.
             let landing = if to.y < ground_top { ground_crossing(&**ground, [drop.p, to]) } else { None };
-            // Through a hole of a leaf the path leads on, to the next thing on it.
+            // A path through a hole of a leaf continues: search for the next hit on it.
             let hit = loop {
                 let passes = |leaf: usize| ignored == Some(leaf) || with_holes.contains(&leaf);
                 match collider.first_hit([drop.p, to], sphere_diameter(drop.volume), passes) {
@@ -516,7 +516,7 @@ impl RainSimulation {
         hits
     }
 
-    /// Samples the wind at once for all drops whose sample is due: recorded and lattice winds are much faster than drop by drop.
+    /// Samples the wind in one call for all drops whose sample is due: recorded and lattice winds are much slower drop by drop.
     fn sample_due_winds(&mut self) {
         let Some(wind) = self.wind.as_deref() else { return };
         let t = self.t;
@@ -557,7 +557,7 @@ impl RainSimulation {
         let (pose, leaf) = (self.poses[i], &self.leaves[i]);
         let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: self.t + IGNORE_LEAF_TIME });
         let Some((uv, surface)) = leaf.struck_point(hit) else {
-            // Paths through holes do not end at them.
+            // The drop falls through a hole of the leaf, and ignores the leaf for a short time.
             self.falling.push(FallingDrop { ignore_leaf, ..*drop });
             return;
         };

@@ -89,7 +89,7 @@ mod tests {
         for i in 0..4000_u32 {
             let share = DVec3::new(f64::from(i % 63) / 63.0, 0.0, f64::from(i / 63) / 64.0) * 3.9 + 0.05;
             let on = at.as_dvec3() + DVec3::new(share.x, 0.1 * share.x, share.z);
-            // From above, in steps whose ends fall anywhere about the sheet.
+            // Drops fall from above; step length and start vary, so that steps end at different distances from the sheet.
             let h = 0.001 + 0.04 * f64::from(i % 7) / 7.0;
             let mut p = on - velocity * (0.3 + 1e-4 * f64::from(i % 97));
             let mut met = None;

@@ -130,8 +130,8 @@ impl DriftTracer {
     pub(crate) fn new(bounds: Bounds, wind: Option<Arc<dyn Wind>>, [least, most]: [f64; 2], g: f64) -> Self {
         // Without wind, or with drops of one size, one size class suffices.
         let classes = if wind.is_none() || most - least < 1e-9 { 1 } else { TRACED_SIZES - 1 };
-        // Drift is proportional to the time of the fall: space the sizes evenly in the inverse of their terminal speeds, of which a
-        // factor does not matter.
+        // Drift is proportional to the time of the fall: space the sizes evenly in the inverse of their terminal speeds. A common
+        // factor of the speeds does not matter, so the speeds on Earth are used.
         let slowness = |k: usize| {
             let [a, b] = [least, most].map(|d| terminal_speed_on_earth(d).recip());
             a + (b - a) * k as f64 / classes as f64
@@ -175,7 +175,7 @@ impl DriftTracer {
         classes.map(|d| SourceRegion::new(&footprint, &std::array::from_fn(|k| d[0][k].union(d[1][k])))).collect()
     }
 
-    /// Mean areas of the source regions by size class between two times, s, in m^2. `weight`: of a time.
+    /// Mean areas of the source regions by size class between two times, s, in m^2. `weight`: weight of a time, s.
     pub(crate) fn mean_areas(&mut self, [from, to]: [f64; 2], weight: impl Fn(f64) -> f64) -> Vec<f64> {
         // Midpoints of equal intervals.
         let (mut sum, mut areas) = (0.0, vec![0.0; self.diameters.len() - 1]);

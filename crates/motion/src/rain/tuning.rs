@@ -31,7 +31,7 @@ pub const SOURCE_MARGIN: f64 = 0.05;
 pub const DRIFT_MARGIN: f64 = 0.15;
 /// Duration for which source regions stay the same, s; shorter follows gusts more closely and costs more traces.
 pub const EPOCH_DURATION: f64 = 0.1;
-/// Steps of a traced fall in still air, and most steps of one that an updraft holds up.
+/// Number of steps of a traced fall in still air, and largest number of steps of one that an updraft slows down.
 pub const TRACE_STEPS: u32 = 48;
 pub const MAX_TRACE_STEPS: u32 = 4 * TRACE_STEPS;
 /// Bands that the height of the bounds is divided into; more follow the slant of the rain more closely.
@@ -109,7 +109,7 @@ pub const EMBED_TOLERANCE: f64 = 1e-9;
 pub const EMBED_ROUNDS: usize = 20_000;
 /// Wetness of the grid that counts as dry, 0 to 1; ten half-lives.
 pub const MIN_WETNESS: f64 = 1.0 / 1024.0;
-/// Cells each way of the vein map: of a leaf of 150 mm a cell is as wide as a small drop.
+/// Number of cells along each side of the vein map: on a leaf of 150 mm a cell is as wide as a small drop.
 pub const VEIN_CELLS: usize = 128;
 /// Cells on either side whose mean a cell is compared with; more also find broad veins.
 pub const VEIN_NEIGHBOURHOOD: usize = 5;

@@ -18,16 +18,16 @@ use osier_scene::plant::NONE;
 pub struct RodMaterial {
     /// Young's modulus, Pa, 1e4..1e13.
     pub young: f64,
-    /// Shear modulus over Young's modulus, 0.02..0.5.
+    /// Shear modulus divided by Young's modulus, 0.02..0.5.
     pub shear: f64,
     /// Density, kg/m^3, > 0.
     pub density: f64,
     /// Damping ratio of the fundamental mode, 0..1.
     pub damping_ratio: f64,
-    /// Stiffness of the restoring springs towards the rest positions, over the stiffness of the fundamental mode,
-    /// 0..4.
+    /// Stiffness of the restoring springs towards the rest positions, divided by the stiffness of the fundamental mode, 0..4.
     pub recovery: f64,
-    /// Whether prisms are widened until torsion matches the material, however slender the rod; axial stiffness falls in return.
+    /// Whether the prisms of slender rods are widened until their torsional stiffness matches the material, at the cost of axial
+    /// stiffness.
     pub spread_for_torsion: bool,
 }
 
@@ -176,15 +176,14 @@ pub(crate) struct SectionProperties {
     pub s: f64,
     /// Mass of each corner, kg.
     pub mass: f64,
-    /// Index of the attached base that replaces the predecessor, and of the one that replaces the predecessor before that;
-    /// [`NONE`] where the predecessor is a free section.
+    /// Indices of the attached bases that replace the first and the second predecessor; [`NONE`] where the predecessor is a free section.
     pub base: [u32; 2],
     /// Stiffness, N/m, and rest length, m, of its springs, in the order of [`crate::rods::springs`].
     pub stiffness: [f64; SPRINGS_PER_SECTION],
     pub rest_lengths: [f64; SPRINGS_PER_SECTION],
 }
 
-/// Base of a rod that is rigid with a section of its parent rod and therefore has no degrees of freedom.
+/// Base of a rod, fixed to a section of its parent rod and therefore without degrees of freedom.
 #[derive(Debug, Clone)]
 pub(crate) struct AttachedBase {
     /// Index of the carrying section.
@@ -304,7 +303,7 @@ impl SectionTree {
     }
 }
 
-/// Mass of each corner, kg: a third of the wood between the middles of both adjoining intervals.
+/// Mass of each corner, kg: a third of the mass of the wood between the middles of the two adjoining intervals.
 fn mass_per_corner_by_section(line: &SampledRod, density: f64) -> Vec<f64> {
     let half = |i: usize| line.intervals.get(i).map_or(0.0, |l| 0.5 * l.length);
     let one = |(i, r): (usize, &f64)| {

@@ -80,7 +80,7 @@ pub struct RodSystemPose {
 }
 
 impl RecordingParams<'_> {
-    /// Whether the attached body of this index had a mass at a key until time `t`, s.
+    /// Whether the attached body of this index has a key with a mass > 0 at or before time `t`, s.
     fn had_mass_before(&self, body: usize, t: f64) -> bool {
         let carries = |keys: &Keyframes<1>| keys.0.iter().any(|(at, [mass])| *at <= t && *mass > 0.0);
         self.acts.iter().any(|act| matches!(act, Actuation::Mass(b, keys) if *b == body && carries(keys)))
@@ -96,8 +96,8 @@ struct DetachedBody {
     clearance: f64,
 }
 
-/// Time, s, at which the `k`-th of `n` substeps of a frame begins; the `n`-th is the first of the next frame. The end of a
-/// substep is computed as the beginning of the one after it, so that no time lies in both of them, or in neither.
+/// Time, s, at which the `k`-th of `n` substeps of a frame begins; `k` = `n` gives the first substep of the next frame. The end
+/// of a substep is computed as the beginning of the next, so that rounding puts every time into exactly one substep.
 fn substep_time(fps: f64, frame: u32, k: u32, n: u32) -> f64 {
     if k < n {
         f64::from(frame) / fps + f64::from(k) * (1.0 / (fps * f64::from(n)))
@@ -243,7 +243,7 @@ impl RodSystem {
                     let [a, b, c, d, e, f] = keys.at(t).unwrap_or_default();
                     self.add_wrench(*section, DVec3::new(a, b, c), DVec3::new(d, e, f));
                 }
-                // These act once, see `add_keyed_impulses`.
+                // Impulses act once and are added in `add_keyed_impulses`.
                 Actuation::Impulse(..) => {}
                 Actuation::Mass(body, keys) => self.bodies[*body].mass = keys.at(t).unwrap_or_default()[0],
                 Actuation::Shift(clamp, keys) => {
@@ -318,8 +318,8 @@ impl RodSystem {
                         (k.p.y, k.v) = (floor, DVec3::ZERO);
                     }
                 }
-                // Released in this step: it starts with the velocity of its point of attachment. A weight whose mass has not
-                // begun yet stays where it will hang.
+                // The body is released in this step, with the velocity of its point of attachment. A weight whose keys have given
+                // it no mass yet is not released: it stays at its point of attachment.
                 None if body.mass <= 0.0 && clip.had_mass_before(i, t) => {
                     let (f, (v, spin)) = (self.section_frame(body.section), self.section_rigid_velocity(body.section));
                     let arm = f.matrix() * body.at;

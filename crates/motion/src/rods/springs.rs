@@ -10,22 +10,22 @@ pub(crate) const SPRINGS_PER_SECTION: usize = 16;
 /// Index of the first spring to the predecessor, and of the first to the section before that.
 pub(crate) const FIRST_LINK_SPRING: usize = 3;
 pub(crate) const FIRST_BEND_SPRING: usize = 12;
-/// Circumradius of a section's triangle over the rod's radius: bending and axial stiffness are then those of a solid
-/// round rod.
+/// Circumradius of a section's triangle divided by the rod's radius. With this ratio bending and axial stiffness are those of a
+/// solid round rod.
 pub(crate) const CORNER_RADIUS_RATIO: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Geometry and material between two neighbouring sections.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RodInterval {
-    /// Distance of its two sections at rest, m.
+    /// Distance between the two sections at rest, m.
     pub length: f64,
     /// Mean of the radii of its ends, m.
     pub radius: f64,
     /// Young's modulus, Pa.
     pub young: f64,
-    /// Shear modulus over Young's modulus.
+    /// Shear modulus divided by Young's modulus.
     pub shear: f64,
-    /// Width of the prism over that of the wood, at equal bending stiffness.
+    /// Factor by which the prism is widened at constant bending stiffness; its axial stiffness falls with the square of the factor.
     pub spread: f64,
 }
 
@@ -53,7 +53,7 @@ impl RodInterval {
         self.unclamped_shear_share().clamp(SHEAR_SHARE_RANGE[0], SHEAR_SHARE_RANGE[1])
     }
 
-    /// Torsional stiffness of the material over that of the prism: 1 unless the interval is too long.
+    /// Torsional stiffness of the material divided by that of the prism: 1 unless the interval is too long.
     pub(crate) fn torsion_softening(&self) -> f64 {
         (self.unclamped_shear_share() / SHEAR_SHARE_RANGE[1]).max(1.0)
     }
@@ -84,7 +84,8 @@ pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS
         if i > 0 {
             let l = &intervals[i - 1];
             let (k0, f) = (l.corner_axial_stiffness(), l.diagonal_stiffness_share());
-            // Springs over two intervals that pass this one: that ending in the next section, and that ending here.
+            // Stiffness of the springs over two intervals that span this interval: those that end in the next section, and those
+            // that end in this one.
             let across = if i < intervals.len() { bend(i - 1) } else { 0.0 } + if i > 1 { bend(i - 2) } else { 0.0 };
             // Longitudinal springs carry the share of bending that the diagonals (f) and the springs over two intervals
             // leave; never less than a tenth of k0, so that the section stays stable.

@@ -124,11 +124,11 @@ pub struct RodSystem {
     pub(crate) x: Vec<Vector9>,
     pub(crate) v: Vec<Vector9>,
     pub(crate) before: [Vec<Vector9>; 2],
-    /// External forces, N: those that last until cleared, and impulses over the step length, which act in one step
+    /// External forces, N: forces that last until they are cleared, and impulses divided by the step length, which act in one step
     /// only.
     external_forces: Vec<Vector9>,
     impulse_forces: Vec<Vector9>,
-    /// Factor on impulses in this step; a first step takes less of them, see [`RodSystem::step_implicit`].
+    /// Factor on impulses in this step, less than 1 in a first step; see [`RodSystem::step_implicit`].
     pub(crate) share: f64,
     /// Whether the BDF2 history is invalid, so that the next step is an implicit Euler step.
     pub(crate) history_reset: bool,
@@ -165,12 +165,12 @@ pub(crate) struct SolverBuffers {
     mass_index: Vec<u32>,
 }
 
-/// What a step of the implicit integrator changes and the next one reads, besides the history.
+/// State that a step of the implicit integrator changes and the next one reads, without the BDF2 history.
 #[derive(Debug, Clone)]
 pub(crate) struct RodSystemState {
     x: Vec<Vector9>,
     v: Vec<Vector9>,
-    /// Rest positions of the last step, by which restoring springs act on their anchors, m.
+    /// Rest positions of the last step, m, from which the reaction of restoring springs on their anchors is computed.
     places: Vec<Vector9>,
 }
 
@@ -220,7 +220,7 @@ impl RodSystem {
             section_masses: Vec::new(),
             mass_index: vec![NONE; n],
         };
-        // Anchors are chosen from clamps and tree, rest positions are relative to anchors, damping depends on both.
+        // The order matters: anchors depend on clamps and tree, rest positions on anchors, and damping on both.
         let mut all = Self {
             x: tree.reference.clone(),
             v: zero.clone(),
@@ -379,11 +379,11 @@ impl RodSystem {
         // h = STEP_PHASE / w of the fastest visible fundamental.
         let fastest = self.dampings.iter().fold(0.0, |m: f64, k| m.max(k.hertz)).min(MAX_VISIBLE_HZ);
         let resolving = (std::f64::consts::TAU * fastest / (STEP_PHASE * fps)).ceil();
-        // Rounded, so that 23.976 frames per second have as many as 24.
+        // Rounded, so that 23.976 frames per second have as many substeps as 24.
         resolving.max((MIN_STEPS_PER_SECOND / fps).round()).max(MIN_STEPS_PER_FRAME) as u32
     }
 
-    /// Torsional stiffness of the material over that of the rod: 1 unless its intervals are long.
+    /// Torsional stiffness of the material divided by that of the rod: 1 unless its intervals are long.
     pub fn torsion_softening(&self, rod: usize) -> f64 {
         self.tree.rods[rod].intervals.iter().fold(1.0, |m, l| l.torsion_softening().max(m))
     }
@@ -502,8 +502,8 @@ impl RodSystem {
     /// forces, and the reaction of restoring springs on the sections that carry their anchors, which lags by one step.
     pub(crate) fn prepare_step(&mut self, h: f64) {
         self.update_section_masses();
-        // Wrenches, the share of impulses that this step takes, gravity, and the reaction of restoring springs of
-        // child rods.
+        // Loads of the step: forces and torques, the share of impulses that acts in this step, gravity, and the reaction of the
+        // restoring springs of child rods.
         for (load, (f, impulse)) in self.step.load.iter_mut().zip(self.external_forces.iter().zip(&self.impulse_forces))
         {
             (0..9).for_each(|k| load[k] = f[k] + self.share * impulse[k]);
@@ -579,7 +579,7 @@ impl RodSystem {
         SpringAssembly { tree, x: next, v: speed, damping, attached_bases, force, rows }.assemble();
     }
 
-    /// M_own (x - x_rest) of section `i` at `step.next`: minus the restoring force over its stiffness per mass.
+    /// M_own (x - x_rest) of section `i` at `step.next`; the restoring force is minus `recovery` times it.
     pub(crate) fn mass_times_rest_offset(&self, i: usize) -> Vector9 {
         self.apply_mass(i, &subtract_corners(&self.step.next[i], &self.step.places[i]), true)
     }

@@ -10,8 +10,8 @@ use osier_base::simd::{F64Lanes, Lane as _};
 /// Squared slope below which the series of atan(x) / x is exact to 1e-10.
 const SERIES_LIMIT: f64 = 0.05;
 
-/// Slope at `x`, 0 at the base to 1 at the tip, over that of the tip, for a cantilever under a uniform load: P = 3 x -
-/// 3 x^2 + x^3.
+/// Slope at `x`, 0 at the base to 1 at the tip, divided by the slope of the tip, for a cantilever under a uniform load:
+/// P = 3 x - 3 x^2 + x^3.
 pub fn uniform_load_slope(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * (3.0 - x * (3.0 - x))
@@ -28,7 +28,7 @@ pub enum SlopeProfile {
 }
 
 impl SlopeProfile {
-    /// Slope at `x`, 0 at the base to 1 at the tip, over that of the tip.
+    /// Slope at `x`, 0 at the base to 1 at the tip, divided by the slope of the tip.
     pub fn at(&self, x: f64) -> f64 {
         let Self::Table(table) = self else { return uniform_load_slope(x) };
         // Linear interpolation between the entries around x.
@@ -42,10 +42,10 @@ impl SlopeProfile {
         }
     }
 
-    /// Integral of the slope from the base to `x`, 0 to 1, over that of the tip: the deflection at `x` over the length, per tip slope.
+    /// Integral of [`SlopeProfile::at`] from the base to `x`, 0 to 1: the deflection at `x` divided by the length and by the tip slope.
     pub fn integral(&self, x: f64) -> f64 {
         let x = x.clamp(0.0, 1.0);
-        // Of P = 3 x - 3 x^2 + x^3.
+        // The integral of P = 3 x - 3 x^2 + x^3.
         let Self::Table(table) = self else { return x * x * (1.5 - x * (1.0 - x * 0.25)) };
         // Trapezoids between the entries are exact, since `at` is linear between them.
         let h = 1.0 / table.len().saturating_sub(1).max(1) as f64;
@@ -62,7 +62,7 @@ impl SlopeProfile {
     }
 }
 
-/// Second over first natural frequency of a uniform cantilever.
+/// Ratio of the second natural frequency of a uniform cantilever to the first.
 pub const SECOND_MODE_FREQUENCY_RATIO: f64 = 6.27;
 
 /// Relative slope of a uniform cantilever's second mode: a node of the deflection lies at 0.783, and the slope
@@ -183,7 +183,7 @@ impl CantileverBeam {
         self.deflection_and_slope(load).into_iter().map(|b| b[0]).collect()
     }
 
-    /// Slope of each station over that of the tip under transverse loads, N; `None` for a rigid beam.
+    /// Slope of each station divided by that of the tip, under transverse loads, N; `None` for a rigid beam.
     pub fn relative_slope(&self, load: &[f64]) -> Option<Vec<f64>> {
         let bent = self.deflection_and_slope(load);
         let tip = bent.last().map_or(0.0, |b| b[1]);
@@ -239,8 +239,8 @@ fn inverse_rigidity(rigidity: f64) -> f64 {
     if rigidity > 1e-12 { rigidity.recip() } else { 0.0 }
 }
 
-/// Exact step of a damped oscillator under constant load, y its distance from equilibrium: y' = a y + b v, v' = c y +
-/// d v.
+/// Exact step of a damped oscillator under constant load. From the distance y from equilibrium and the velocity v follow those
+/// after the step: y' = a y + b v and v' = c y + d v.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OscillatorStep {
     /// From displacement to displacement.

@@ -89,12 +89,12 @@ pub struct ElementLocation {
     pub at: f64,
 }
 
-/// An [`ElementLocation`] with what rotates it, evaluated once for all frames.
+/// An [`ElementLocation`] with the relative slopes there, evaluated once for all frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoundLocation {
     /// Index of the element, or [`NONE`] for a position that does not move.
     element: u32,
-    /// Slope here over that of the tip, in the first and in the second mode; 0 without a second mode.
+    /// Slope here divided by that of the tip, in the first and in the second mode; 0 without a second mode.
     relative_slopes: [f64; 2],
 }
 
@@ -132,7 +132,7 @@ impl BeamElements {
             ..Self::default()
         };
         let mut index = vec![NONE; segments.list.len()];
-        // Compliance along each element, from which its children get their compliance on it.
+        // Tip compliance along each element, by segment; the compliance of the carrier at the base of a child is looked up in it.
         let mut slopes = vec![None; segments.list.len()];
         let mut next = 0_u32..;
         for (i, segment) in segments.list.iter().enumerate() {
@@ -374,14 +374,14 @@ struct ElementBeam {
 impl ElementBeam {
     fn new(&ElementContext { plant, wood, segments, kept, .. }: &ElementContext<'_>, i: usize) -> Self {
         let segment = &segments.list[i];
-        // The factor of the user on the stiffness comes last: it multiplies the stiffness by which the wood carries its weight.
+        // The user's factor on the stiffness is applied last, to the stiffness with which the wood carries its weight.
         let mut beam = segments.beam(plant, &WoodParams { stiffness: 1.0, ..*wood }, i);
         let mut own: Vec<BranchLoad> = segments.wood_along(plant, wood, i, beam.x.len());
         for (s, load) in &segment.leaves {
             distribute_load(&beam.x, &mut own, f64::from(s - segment.span[0]), *load);
         }
         let mut hung = vec![BranchLoad::default(); beam.x.len()];
-        // Loads of children: a child that is an element transmits its mass, but the wind acts on it at the stations of the child.
+        // Loads of children. The mass of a child that is an element is carried here, but the wind acts on it at the child's own stations.
         for child in &segment.children {
             let (s, load) = (f64::from(segments.list[*child].parent_s - segment.span[0]), segments.list[*child].total);
             distribute_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);

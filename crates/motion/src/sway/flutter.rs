@@ -31,8 +31,8 @@ pub struct LeafFlutter {
 }
 
 impl LeafFlutter {
-    /// `speed`: mean wind at the crown, m/s; `period`: of the wind, s; `strength`: factor on the angles: 1 for a round
-    /// stalk, 2 to 3 for the flat ones of poplars.
+    /// `speed`: mean wind at the crown, m/s; `period`: period of the wind, s; `strength`: factor on the angles, 1 for round
+    /// stalks, 2 to 3 for the flat ones of poplars.
     pub fn new(organs: &[&Organ], speed: f32, period: Option<f64>, strength: f32) -> Self {
         let hertz = 2.0 + 6.0 * (1.0 - math::exp(-f64::from(speed) / 8.0));
         let leaf = |o: &&Organ| {
@@ -74,7 +74,7 @@ impl LeafFlutter {
     }
 }
 
-/// Rotation vector of a leaf's flutter in leaf space, rad: nod, twist and yaw. `noise`: of each of the three.
+/// Rotation vector of a leaf's flutter in leaf space, rad: nod, twist and yaw. `noise`: noise of the nod, 0, the twist, 1, and the yaw, 2.
 fn flutter_angles(amplitude: f32, noise: impl Fn(u32) -> f32) -> Vec3 {
     let nod = MAX_NOD * amplitude * noise(0);
     Vec3::new(nod, MAX_TWIST * amplitude * noise(1) + TWIST_PER_NOD * nod, MAX_YAW * amplitude * noise(2))

@@ -101,7 +101,7 @@ impl PointBinding {
         .concat()
     }
 
-    /// Normals of the bark. `normals`: at rest, one per point.
+    /// Normals of the bark on a posed skeleton. `normals`: normals at rest, one per point.
     pub fn normals(&self, skeleton: &PosedSkeleton, normals: &[Vec3]) -> Vec<Vec3> {
         let one = |(b, n): (&BoundPoint, &Vec3)| {
             let own = skeleton.rotation(&b.own);
@@ -131,9 +131,9 @@ impl OrganBindings {
         self.0.iter().map(|(h, q)| (skeleton.position(h), (skeleton.rotation(h) * *q).normalize())).unzip()
     }
 
-    /// Moves organs that joints carry to `positions`, m, towards their places on the posed skeleton, but hardly farther than
-    /// `MAX_LEAF_OFFSET`, so that a leaf of a twig without joints sways and stays at its twig. Returns their orientations
-    /// on the posed skeleton.
+    /// Moves organs from `positions`, m, to which joints carry them, towards their places on the posed skeleton, by less than
+    /// `MAX_LEAF_OFFSET`, so that a leaf of a twig without joints sways and stays at its twig. Returns their orientations on the
+    /// posed skeleton.
     pub fn approach(&self, skeleton: &PosedSkeleton, positions: &mut [Vec3]) -> Vec<Quat> {
         let (places, orientations) = self.at(skeleton);
         for (carried, place) in positions.iter_mut().zip(places) {

@@ -2,8 +2,8 @@
 //!
 //! Elements get joints: four on a trunk, two on main branches, one on others. A joint has the rotation at the middle
 //! of its stretch; branches beyond the budget move rigidly with the nearest joint of their carrier. Branches get joints by
-//! size: all of one order and class of length, or none; where lengths have no classes, the bend fades out towards the
-//! length at which the joints end, so that branches of one size move alike.
+//! size: either all branches of one order and class of length, or none. If the lengths form no classes, the bend fades out
+//! towards the length below which branches have no joints, so that branches of one size move alike.
 
 use glam::Quat;
 
@@ -301,7 +301,7 @@ impl JointShares {
 struct SizeCut {
     /// Number of branches with joints.
     count: usize,
-    /// Order whose bends fade out; length, m, from which bends grow from 0, and length from which they are complete.
+    /// Branching order whose bends fade out, the length, m, at which they are 0, and the length from which on they are complete.
     fade: Option<(u8, f32, f32)>,
 }
 

@@ -15,7 +15,7 @@ use osier_wind::Wind;
 /// Time range of a recording, and scaling of its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
-    /// Number of frames of the clip; one more is simulated, by which a loop is closed.
+    /// Number of frames of the clip. One more is simulated, with which a loop is closed.
     pub frames: usize,
     /// Whether the clip loops: the frame after the last is the first; the wind must have the same period.
     pub repeats: bool,
@@ -23,7 +23,7 @@ pub struct ClipOptions {
     pub from_rest: bool,
     /// Factor on the static bend in the mean wind, 0..5; 1 is as simulated.
     pub lean: f64,
-    /// Factor on the oscillation about it, 0..20; 1 is as simulated.
+    /// Factor on the oscillation about the static bend, 0..20; 1 is as simulated.
     pub gain: f64,
 }
 
@@ -52,12 +52,12 @@ impl BendSum {
 struct MeanBends {
     /// Static bends in the mean wind, rad, at equidistant times from frame 0 on; a single entry holds for all frames.
     keys: Vec<ElementBends>,
-    /// Frames between two of them.
+    /// Number of frames from one key to the next.
     interval: usize,
-    /// Share of the way to them, per frame, in a clip that starts from rest; empty where frame 0 is in the mean wind.
+    /// Rate, 1/frame, at which the mean bend of each element sets in, in a clip that starts from rest; empty for other clips.
     onset: Vec<f64>,
-    /// For each element what gusts add to its static bend: a factor and a turn of it as a complex number, 0 for nothing. Empty where
-    /// mean and oscillation are not told apart, and in clips that start from rest.
+    /// For each element, the mean bend that gusts add to its static bend, divided by the static bend, as a complex number (a
+    /// factor and a rotation); 0 for none. Empty if mean and oscillation have the same factor, and in clips that start from rest.
     gusts: Vec<[f64; 2]>,
 }
 
@@ -74,7 +74,7 @@ impl MeanBends {
         params: SwayParams,
         clip: ClipOptions,
     ) -> Self {
-        // Where mean and oscillation have the same factor they need not be told apart.
+        // If mean and oscillation have the same factor, they need not be separated.
         let alike = (clip.lean - clip.gain).abs() <= 0.0;
         let mut mean = match (clip.from_rest, alike) {
             (true, true) => return Self::constant(vec![[0.0; 2]; first.len()]),
@@ -98,10 +98,10 @@ impl MeanBends {
         mean
     }
 
-    /// Adds what gusts add to the static bends in the mean wind, as drag goes by the square of the speed: the multiple of the static
-    /// bends that the recorded ones have in the mean. `before`: bends of the spin-up, which count too.
+    /// Computes by which multiple of the static bends in the mean wind the recorded bends exceed them in the mean: drag grows
+    /// with the square of the wind speed, so that gusts add to the mean bend. `before`: bends of the spin-up, which count too.
     fn add_gusts(&mut self, frames: &[ElementBends], before: &BendSum) {
-        /// Largest part of gusts, as a multiple of the static bend. Own: that of gusts as strong as the mean wind.
+        /// Largest mean bend by gusts, as a multiple of the static bend. Own: that by gusts as strong as the mean wind.
         const MOST: f64 = 1.0;
         let part = |i: usize| {
             // Complex regression of the difference d on the static bend m: sum of d conj(m), divided by that of |m|^2.
@@ -115,12 +115,12 @@ impl MeanBends {
             for (frame, bends) in frames.iter().enumerate() {
                 add(bends.get(i).copied().unwrap_or_default(), 1.0, self.at(i, frame));
             }
-            // Before a clip whose mean wind varies, its mean is not known.
+            // If the mean wind varies, it is not known during the spin-up, which then does not count.
             if self.keys.len() == 1 {
                 add(before.bends.get(i).copied().unwrap_or_default(), f64::from(before.frames), self.at(i, 0));
             }
             let size = math::sqrt(product[0] * product[0] + product[1] * product[1]);
-            // Where the mean wind does not bend an element, as in the lee of a wall, no multiple of its bend is a mean.
+            // If the mean wind hardly bends an element, as in the lee of a wall, its mean bend is no multiple of the static bend.
             if size <= 0.0 || size > MOST * square { [0.0; 2] } else { product.map(|v| v / square) }
         };
         let gusts = (0..frames.first().map_or(0, Vec::len)).map(part).collect();
@@ -186,10 +186,10 @@ impl BendTrack {
         let (elements, fps) = (simulation.elements(), simulation.fps());
         check_key_limit(elements, clip, limits)?;
         let rest = vec![[0.0; 2]; elements.list.len()];
-        // After a second of 60 steps the first force has no effect: only a share k of it remains from step to step.
+        // Spin-up of one second, 60 steps: the effect of the first force has vanished after it, since only a share k of a force
+        // remains from step to step.
         let lead = if clip.from_rest { 0 } else { 60_i64 };
-        // Bends after the last two steps; between them frames are interpolated, as most frame rates do not divide that of the
-        // steps.
+        // Bends after the last two steps. Frames are interpolated between them, since most frame rates do not divide the rate of the steps.
         let mut steps = [rest.clone(), rest.clone()];
         let mut frames = Vec::with_capacity(clip.frames + 1);
         let mut number = -lead;
@@ -215,7 +215,7 @@ impl BendTrack {
         self.clamped
     }
 
-    /// The bends at every frame and after the last one, their mean, and the sum of those of the spin-up.
+    /// The bends at every frame and at the one after the last, their mean, and the sum of the bends of the spin-up.
     fn simulate(
         elements: &BeamElements,
         wind: &dyn Wind,
@@ -243,8 +243,8 @@ impl BendTrack {
         Ok((frames, mean, before))
     }
 
-    /// Simulates the time before frame 0: for a loop whole clips, until two of them end alike; else a few seconds, of whose bends it
-    /// returns the sum.
+    /// Simulates the time before frame 0: for a loop, whole clips until two of them end with equal bends; otherwise a few
+    /// seconds. Returns the sum of the bends of those seconds, which is empty for a loop.
     fn spin_up(run: &mut SwaySimulation<'_>, fps: f64, clip: ClipOptions, cancel: &Cancel) -> Result<BendSum> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds")]
         let (frames, most) = match clip.repeats {
@@ -256,7 +256,7 @@ impl BendTrack {
         for _ in 0..most {
             for left in (1..=frames).rev() {
                 cancel.check()?;
-                // The mean of a loop is that of the clip alone.
+                // The mean of a looping clip is computed from the clip alone.
                 if !clip.repeats {
                     sum.add(&run.bends());
                 }

@@ -1,4 +1,4 @@
-//! Numbers of the sway that were chosen by judgement or by trial, with what changes when they move.
+//! Numbers of the sway that were chosen by judgement or by trial, with the effect of changing them.
 
 /// Lower bound of natural frequencies, Hz: for lower ones, spin-up would last minutes.
 pub(crate) const MIN_HZ: f64 = 0.1;
@@ -8,16 +8,16 @@ pub(crate) const MIN_HZ: f64 = 0.1;
 pub(crate) const FREQUENCY_SPREAD: f64 = 0.18;
 pub(crate) const MODE_SPLIT: f64 = 0.03;
 
-/// Slope of the tip of a branch under its weight up to which the drawn wood is taken as it is, and power of the slope in units of
-/// it by which thinner wood is stiffer. Higher slope or lower power: long thin limbs swing slowly and far beside neighbours that
-/// are drawn slightly thicker; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
+/// Slope of the tip of a branch under its weight above which its wood is stiffened, and the exponent e of the factor (slope /
+/// limit)^e on the stiffness. Higher slope or lower exponent: long thin limbs swing slowly and far beside neighbours that are
+/// drawn slightly thicker; lower slope: nothing bends in a breeze; exponent 1: all thin wood bends alike.
 pub(crate) const SELF_WEIGHT_SLOPE: f64 = 0.02;
 pub(crate) const SELF_WEIGHT_STIFFENING: f64 = 2.0 / 3.0;
 
-/// Slope of the tip of a branch under a dynamic pressure of 1 Pa, rad/Pa, up to which the drawn wood is taken as it is: 0.28 rad
-/// in a fresh breeze of 10 m/s (61 Pa), about the median of boughs and twigs of the species that grow year by year; and power of
-/// the slope in units of it by which wood that bends further is stiffer. Higher slope or lower power: single thin boughs swing
-/// far beside quiet ones of their length; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
+/// Slope of the tip of a branch under a dynamic pressure of 1 Pa, rad/Pa, above which its wood is stiffened: 0.28 rad in a fresh
+/// breeze of 10 m/s (61 Pa), about the median of boughs and twigs of the species that grow year by year. And the exponent e of
+/// the factor (slope / limit)^e on the stiffness. Higher slope or lower exponent: single thin boughs swing far beside quiet ones
+/// of their length; lower slope: nothing bends in a breeze; exponent 1: all thin wood bends alike.
 pub(crate) const WIND_SLOPE: f64 = 4.5e-3;
 pub(crate) const WIND_STIFFENING: f64 = 0.9;
 
@@ -25,13 +25,13 @@ pub(crate) const WIND_STIFFENING: f64 = 0.9;
 /// branches.
 pub(crate) const CROWN_SHELTER: f64 = 0.6;
 
-/// Radius at the end of a segment over that at its start. Higher: more, shorter elements.
+/// Radius at the end of a segment divided by the radius at its start. Higher: more, shorter elements.
 pub(crate) const SEGMENT_RADIUS_RATIO: f32 = 0.25;
 
 /// Segments per axis, at most. More: more elements for bends that the slope profile already gives.
 pub(crate) const MAX_SEGMENTS_PER_AXIS: u32 = 3;
 
-/// Least length of a segment over its axis. Smaller: stubs of segments at abrupt tapers.
+/// Least length of a segment, as a fraction of the length of its axis. Smaller: stubs of segments at abrupt tapers.
 pub(crate) const MIN_SEGMENT_SHARE: f32 = 0.05;
 
 /// Stations of the beam of a limb, and of a twig, whose bend is hardly visible. Fewer: frequencies
@@ -54,18 +54,18 @@ pub(crate) const STEPS_PER_SECOND: f64 = 120.0;
 /// the wind becomes the main cost.
 pub(crate) const WIND_SAMPLES_PER_SECOND: f64 = 24.0;
 
-/// Vortex-shedding force over drag, per unit of flicker. Higher: branches oscillate across the wind as much as along
+/// Vortex-shedding force divided by the drag, per unit of flicker. Higher: branches oscillate across the wind as much as along
 /// it.
 pub(crate) const VORTEX_FORCE: f64 = 2.0;
 
 /// Upper bound of flicker frequencies, Hz: faster motion aliases at 24 frames per second.
 pub(crate) const MAX_FLICKER_HZ: f64 = 3.0;
 
-/// Damping ratio of the second mode over that of the first. Lower: limbs oscillate for long after a gust.
+/// Damping ratio of the second mode divided by that of the first. Lower: limbs oscillate for long after a gust.
 pub(crate) const SECOND_MODE_DAMPING: f64 = 1.5;
 
-/// Largest amplitude of a branch over that of the carrier that shakes it at its natural frequency. The model leaves out how a
-/// swinging branch pulls back at its carrier, which damps both; without a limit, branches of three orders and similar
+/// Largest ratio of the amplitude of a branch to that of the carrier that shakes it at its natural frequency. The model neglects
+/// the force of a swinging branch on its carrier, which damps both; without a limit, branches of three orders and similar
 /// frequencies amplify each other's swing until they circle without a gust. Higher: single boughs swing far beside quiet ones;
 /// lower: twigs do not lag behind their limb.
 pub(crate) const MAX_RESONANCE_GAIN: f64 = 1.5;
@@ -77,23 +77,23 @@ pub(crate) const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
 /// look like whips.
 pub(crate) const SECOND_MODE_FORCING: f64 = 0.15;
 
-/// Repetitions of a looping clip that are simulated as spin-up, at most: a trunk of 0.3 Hz in a clip of 2 s forgets its start
-/// within them. More: only slower trunks gain.
+/// Largest number of repetitions of a looping clip that are simulated as spin-up: in them the effect of the start has decayed for
+/// a trunk of 0.3 Hz in a clip of 2 s. More: only slower trunks gain.
 pub(crate) const MAX_SPIN_UP_CLIPS: u32 = 40;
 
-/// Bend by which two repetitions of a clip may still differ where it counts as periodic, rad; the rest is distributed over
-/// the loop. Higher: the motion jumps at the seam; lower: slow trunks take many repetitions.
+/// Largest difference of bends between two repetitions of a clip that counts as periodic, rad; it is distributed over the loop.
+/// Higher: the motion jumps at the seam; lower: slow trunks take many repetitions.
 pub(crate) const LOOP_TOLERANCE: f64 = 1e-4;
 
 /// Spin-up time of a clip that does not loop, s: a few periods of a slow trunk. Shorter: the first frames show the start.
 pub const SPIN_UP_SECONDS: f64 = 5.0;
 
 /// Time between two static bends in a mean wind that changes, s, with linear interpolation between them. Longer: the lean lags
-/// behind sudden changes of the wind; shorter: as many steps again as the simulation takes.
+/// behind sudden changes of the wind; shorter: static bends cost as much as the simulation itself.
 pub(crate) const MEAN_INTERVAL: f64 = 0.25;
 
-/// Least damping ratio by which the mean bend sets in where a clip starts from rest: that of wood. Lower: branches of little
-/// damping take on the scaled mean bend late.
+/// Least damping ratio in the rate at which the mean bend sets in, if a clip starts from rest: that of wood. Lower: branches of
+/// little damping take on the scaled mean bend late.
 pub(crate) const MIN_ONSET_DAMPING: f64 = 0.05;
 
 /// Limit of recorded bends, rad, approached by a hyperbolic tangent. Larger: branches fold back on
@@ -113,8 +113,8 @@ pub(crate) const JOINT_FADE: f32 = 1.5;
 /// fading. Lower: accidental gaps between lengths count as classes.
 pub(crate) const CLASS_GAP: f32 = 1.25;
 
-/// Distance, m, by which a leaf may leave the written bark for its simulated place, approached by a hyperbolic tangent:
-/// about the length of its stalk. Larger: leaves float beside twigs that have no joints; smaller: they do not move there.
+/// Largest distance, m, between a leaf and its place on the bark as joints move it, approached by a hyperbolic tangent: about the
+/// length of its stalk. Larger: leaves float beside twigs that have no joints; smaller: leaves of such twigs do not move.
 pub(crate) const MAX_LEAF_OFFSET: f32 = 0.02;
 
 /// Bark points per task: enough work to outweigh the scheduling.
@@ -132,8 +132,8 @@ pub(crate) const TWIST_PER_NOD: f32 = 0.4;
 /// Wind speed, m/s, at which flutter reaches 1 - 1/e of its amplitude. Lower: leaves tremble in light air.
 pub(crate) const FLUTTER_SPEED: f32 = 4.0;
 
-/// Scale of the alignment angle with the flow; in a storm a leaf turns by up to pi/2 of it, rad. Higher: crowns show
-/// the undersides of their leaves in any wind.
+/// Factor on the angle by which a leaf aligns with the flow; in a storm a leaf turns by up to pi/2 times it, rad. Higher: crowns
+/// show the undersides of their leaves in any wind.
 pub(crate) const FLOW_ALIGNMENT: f32 = 0.6;
 
 /// Lag time of a leaf behind its twig, s, and the largest angle of lag, rad. Larger: leaves trail

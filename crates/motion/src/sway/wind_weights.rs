@@ -55,7 +55,7 @@ impl<'a> WindWeights<'a> {
         [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
     }
 
-    /// Attributes of a point at arc length `s`, m, of an axis. `id`: of the branch or leaf; `flutter`, `light`: 0 to 1.
+    /// Attributes of a point at arc length `s`, m, of an axis. `id`: identifier of the branch or leaf; `flutter`, `light`: 0 to 1.
     fn point(&self, axis: u32, s: f32, id: u64, flutter: f32, light: f32) -> VertexSway {
         let [whole, branch] = self.at(axis, s);
         let wind = [whole, self.phases[axis as usize], flutter, light];
@@ -69,8 +69,8 @@ impl<'a> WindWeights<'a> {
     }
 
     /// All leaves as one mesh with these attributes, and the number of points of each leaf; flutter grows from the foot of the
-    /// stalk to the tip. Light and normals are those of the crown where the plant has attributes of them. `worn`: index of the
-    /// first material.
+    /// stalk to the tip. Light and normals are those of the crown if the plant has attributes of them. `worn`: number that is
+    /// added to the material indices of the leaves.
     pub fn leaves(&self, organs: &[&Organ], worn: u32) -> (Mesh, Vec<usize>) {
         let (mut all, mut sizes) = (Mesh::default(), vec![0; organs.len()]);
         let values = self.plant.organ_values(organs);

@@ -53,8 +53,8 @@ impl Default for WoodParams {
 }
 
 impl WoodParams {
-    /// Mass of leaves per one-sided area where they swing by themselves, in rain and on rods, kg/m^2: that of very thin leaves at
-    /// least, since the air and drops would throw a blade without mass at any speed.
+    /// Mass of leaves per one-sided area in models in which they swing by themselves, in rain and on rods, kg/m^2. It is at least
+    /// that of very thin leaves, since air and drops would accelerate a blade without mass to any speed.
     pub fn moving_leaf_mass(&self) -> f64 {
         self.leaf_mass.max(MIN_MOVING_LEAF_MASS)
     }
@@ -74,7 +74,8 @@ impl WoodParams {
     }
 }
 
-/// Damping ratio by branching order: trunk and main branches with their crowns, branches, twigs; petioles.
+/// Damping ratio: by branching order for trunk and main branches with their crowns, for branches and for twigs; another for
+/// petioles of any order.
 pub fn damping_ratio(order: u8, petiole: bool) -> f64 {
     match order {
         _ if petiole => 0.30,

@@ -27,7 +27,7 @@ pub struct PaperCorrections {
     pub radius: bool,
     /// 1.225 kg/m^3 instead of the printed density, which is half a million times too small.
     pub air: bool,
-    /// Damping opposes the rotation instead of always acting one way.
+    /// Damping opposes the rotation instead of always acting in the same direction.
     pub damping: bool,
 }
 
@@ -113,7 +113,7 @@ impl<'a> PaperSimulation<'a> {
         Self { elements, wind, params, paper, internodes, clamped: 0 }
     }
 
-    /// Elements whose bends it computes, as the sums of those of their internodes.
+    /// The elements whose bends are computed, each as the sum of the bends of its internodes.
     pub(crate) fn elements(&self) -> &'a BeamElements {
         self.elements
     }

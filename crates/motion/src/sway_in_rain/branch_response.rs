@@ -23,7 +23,7 @@ use osier_scene::plant::NONE;
 pub(super) struct RigidMotion {
     /// Rotation vector, rad, or angular velocity, rad/s.
     pub turn: DVec3,
-    /// Of the origin of plant space, m or m/s.
+    /// Displacement, m, or velocity, m/s, of the origin of plant space.
     pub offset: DVec3,
 }
 
@@ -43,9 +43,9 @@ impl RigidMotion {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BendLever {
     element: usize,
-    /// Slope at the location over that of the tip.
+    /// Slope at the location divided by that of the tip.
     slope: f64,
-    /// Part of the lever that is the same everywhere, m, in plant space.
+    /// Part of the lever that does not depend on the point p, m, in plant space.
     shift: DVec3,
 }
 
@@ -61,7 +61,7 @@ impl BendLever {
 struct Wrench {
     force: DVec3,
     moment: DVec3,
-    /// Part of its moment that bends the element itself, about its bending axes.
+    /// Moment that acts on the rotation of the element's tip: the sum of (shift + slope p) x F.
     bending: DVec3,
 }
 
@@ -87,12 +87,12 @@ struct ElementResponse {
     w: [f64; 2],
     damping_ratio: f64,
     oscillators: [OscillatorStep; 2],
-    /// Angles, rad, and rates, rad/s, beyond those of the wind.
+    /// Angles, rad, and rates, rad/s, in addition to those that the wind causes.
     angles: [f64; 2],
     rates: [f64; 2],
     load: Wrench,
     impulse: Wrench,
-    /// Motion of the element's base, from all elements below.
+    /// Motion of the element's base, by the bends of all elements that carry it.
     displacement: RigidMotion,
     velocity: RigidMotion,
 }
@@ -140,13 +140,14 @@ pub(super) struct BranchResponse {
 }
 
 impl BranchResponse {
-    /// All elements at rest; stiffness and inertia follow from their compliance and frequency. `scale`: of the plant in the world,
-    /// in which forces and frequencies are given.
+    /// All elements at rest; stiffness and inertia follow from their compliance and frequency. `scale`: scale of the plant in the
+    /// world, in which forces and frequencies are given.
     pub fn new(elements: &BeamElements, scale: f64) -> Self {
         let response = |e: &BeamElement| {
-            // The tip moves by phi x chord over the whole length: a force there bends it with this arm.
+            // The tip is displaced by this arm times its rotation, so that a force at the tip bends the element with this arm.
             let arm = e.length * e.shape.integral(1.0);
-            // In the world stiffness is scale^3 times as large, and moments, whose arms are those of plant space, scale times.
+            // In the world the stiffness is scale^3 times as large. Moments are computed with arms in plant space, which are
+            // shorter by the factor scale, so that scale^2 remains.
             let own = if e.tip_compliance > 0.0 { arm / e.tip_compliance } else { 0.0 };
             let stiffness = own * scale * scale;
             // The geometric mean of the frequencies of both directions.

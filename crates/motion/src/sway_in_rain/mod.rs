@@ -104,7 +104,7 @@ impl SwayingRainPlant {
         let stand = params.stand;
         let (petiole_damping, leaf_mass) =
             (params.wood.damping * damping_ratio(0, true), params.wood.moving_leaf_mass());
-        // Leaves of one organ share a mesh: compute its integrals once.
+        // Leaves of one shape share a mesh: compute its integrals once.
         let mut blades: Vec<(*const Mesh, RigidBlade)> = Vec::new();
         let mut blade_of = |mesh: &Mesh| {
             let key = std::ptr::from_ref(mesh);

@@ -145,7 +145,8 @@ fn frame_and_fraction(frames: f64) -> (i64, f64) {
     (frames.floor() as i64, frames - frames.floor())
 }
 
-/// A pose whose quaternions are on the same side as those of the pose before, so that their components can be interpolated.
+/// The pose with the sign of each quaternion chosen so that it is nearest to that of the pose before: components can then be
+/// interpolated.
 fn aligned(mut pose: WindPose, before: &WindPose) -> WindPose {
     for (leaf, last) in pose.leaves.iter_mut().zip(&before.leaves) {
         if leaf.orientation.dot(last.orientation) < 0.0 {

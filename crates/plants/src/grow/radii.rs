@@ -19,7 +19,7 @@ pub struct Pipe {
     pub exponent: f64,
     /// Radius at the tips of axes, m; limited to at least 1e-6 m.
     pub tip: f64,
-    /// Radius at the base, m; `None`: what the tips add up to.
+    /// Radius at the base, m; `None`: the radius to which the tips add up.
     pub base: Option<f64>,
 }
 
@@ -72,7 +72,7 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
     }
 }
 
-/// Powers of one exponent. Results are kept, because few different twigs make most of a plant.
+/// Computes powers with one exponent and caches the results, because few different twigs make up most of a plant.
 struct CachedPower {
     exponent: f64,
     /// Cache: the bits of a base and its power, at an index that follows from the bits.
@@ -100,7 +100,8 @@ impl CachedPower {
     }
 }
 
-/// What each axis carries besides its own tip: arc lengths and n-th powers.
+/// Loads of each axis besides its own tip: the arc lengths of its branches and leaves, and the n-th powers of their
+/// radii.
 struct Loads {
     /// Index in `list` where the loads of each axis begin, and number of those that are known.
     first: Vec<u32>,
@@ -109,7 +110,7 @@ struct Loads {
 }
 
 impl Loads {
-    /// Room for the organs and branches of all axes of a plant, which has fewer than 2^32 of them.
+    /// Reserves memory for the organs and branches of all axes of a plant, which has fewer than 2^32 of them.
     fn new(plant: &Plant) -> Self {
         let mut first = vec![0_u32; plant.axes.len()];
         let organs = plant.organs.iter().map(|o| o.axis);
@@ -175,8 +176,9 @@ fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     thickest
 }
 
-/// Radii of one axis before smoothing, from its tip down; returns that of its base. `loads`: arc lengths and n-th powers of what
-/// the axis bears, sorted from the tip; `pow_tip`: n-th power of the tip's radius; `root`: the n-th root.
+/// Radii of one axis before smoothing, from its tip down; returns that of its base. `loads`: arc lengths and n-th
+/// powers of the radii of its branches and leaves, sorted from the tip; `pow_tip`: n-th power of the tip's radius;
+/// `root`: the n-th root.
 fn accumulate(
     plant: &mut Plant,
     axis: usize,
@@ -219,7 +221,7 @@ impl Smoothing {
     /// makes them fall monotonically towards the tip.
     fn smooth(&mut self, plant: &mut Plant, axis: usize) {
         let range = plant.nodes_of(&plant.axes[axis]);
-        // The windows at the ends have no width: only the radii's order is left to mend.
+        // In an axis of two nodes the windows have no width: only the order of the radii is corrected.
         if let Some([base, tip]) = plant.nodes.r.get_mut(range.clone()).and_then(|r| <&mut [f32; 2]>::try_from(r).ok())
             && plant.nodes.s.get(range.start).is_some_and(|s| *s <= 0.0)
         {

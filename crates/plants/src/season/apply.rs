@@ -14,7 +14,7 @@ use osier_base::rng::{child, word};
 use osier_scene::plant::{Organ, Plant, Proto};
 use osier_scene::{Attribute, AttributeData, LEAF_COLOR};
 
-/// Rotation of a leaf at bud burst towards its shoot, and that of a bud, as shares of the angle between leaf and shoot.
+/// Rotation of a leaf at bud burst, and of a bud, towards the shoot, as shares of the angle between leaf and shoot.
 const YOUNG_LEAN: f32 = 0.7;
 const BUD_LEAN: f32 = 0.6;
 /// Growth of a bud before it bursts, as a share of its length in winter.
@@ -27,9 +27,9 @@ pub struct SeasonalOrgan<'a> {
     pub name: &'a str,
     /// Colours of its leaves, and the order in which they fall.
     pub habit: &'a LeafHabit,
-    /// Material of a colour, in place of a material of the summer's leaf; a missing one is not replaced.
+    /// Material that replaces a material of the summer leaf in a step of colour; materials without an entry stay.
     pub materials: &'a BTreeMap<(u32, LeafColor), u32>,
-    /// Buds where leaves are missing; `None`: nothing there.
+    /// Buds that are shown where leaves are missing; `None`: no buds.
     pub bud: Option<BudOrgan>,
 }
 
@@ -99,14 +99,14 @@ pub fn apply_season(plant: &mut Plant, at: &PlantSeason<'_>) -> Result<()> {
 enum Slot {
     /// An organ that is no leaf.
     Other,
-    /// A look of a leaf, by its number among the leaves.
+    /// One look of a leaf; the number is the index of the leaf.
     Leaf(usize, LeafLook),
     /// The bud where a leaf is missing.
     Bud(usize),
 }
 
-/// Meanings of the organs of a plant whose leaves change over a clip: for each leaf one organ per look that it has in the clip,
-/// of which at most one has a size above 0 at a time.
+/// Meanings of the organs of a plant whose leaves change over a clip. Each leaf has one organ for every look that it
+/// has in the clip; at any time at most one of these has a size above 0.
 #[derive(Debug, Clone)]
 pub struct SeasonSlots {
     habits: Vec<LeafHabit>,
@@ -224,7 +224,7 @@ pub(super) fn is_variant(prototype: &str, organ: &str) -> bool {
     rest.is_some_and(|r| r.is_empty() || r.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok()))
 }
 
-/// A leaf with size and rotation of a season; its prototype stays that of summer.
+/// A leaf with the size and rotation of a season; it keeps the prototype of summer.
 fn leaf_at(organ: &Organ, now: &LeafNow) -> Organ {
     let lean = YOUNG_LEAN * (1.0 - now.opening);
     let q = if lean > 0.0 { leaning(organ.q, lean) } else { organ.q };
@@ -233,7 +233,7 @@ fn leaf_at(organ: &Organ, now: &LeafNow) -> Organ {
 
 /// A rotation relative to an axis, turned towards the axis by a share of the angle between its +Y and the axis.
 fn leaning(q: Quat, share: f32) -> Quat {
-    // In the space of the axis, whose direction is +Y.
+    // In the frame of the axis, whose direction is +Y.
     let whole = rotation_between((q * Vec3::Y).normalize(), Vec3::Y);
     (nlerp(Quat::IDENTITY, whole, share) * q).normalize()
 }
@@ -254,7 +254,7 @@ fn bud_at(plant: &Plant, leaf: &Organ, bud: BudOrgan, growth: f32, proto: u16) -
     }
 }
 
-/// Missing leaves that leave a bud: one for each place on an axis.
+/// The buds of missing leaves: one for each place on an axis.
 #[derive(Default)]
 struct Buds {
     known: BTreeSet<(u32, u32)>,
@@ -271,7 +271,7 @@ impl Buds {
     }
 }
 
-/// Prototypes made so far: of leaves by summer prototype and look, of buds by material.
+/// Prototypes made so far: leaves by their summer prototype and look, buds by their material.
 #[derive(Default)]
 struct PrototypeLooks {
     known: BTreeMap<(u16, LeafLook), u16>,
@@ -310,7 +310,7 @@ impl PrototypeLooks {
 /// Adds a prototype under the name of an organ and a free number; returns its index.
 fn add_prototype(protos: &mut Vec<Proto>, organ: &str, mesh: osier_scene::Mesh) -> Result<u16> {
     let index: u16 = narrow(protos.len() as u64, "prototypes of a plant")?;
-    // One number more than there are prototypes: at least one name is free.
+    // There is one number more than there are prototypes, so that at least one name is free.
     let numbers = protos.len()..=2 * protos.len();
     let name = numbers.map(|n| format!("{organ}_{n}")).find(|name| protos.iter().all(|p| p.name != *name));
     protos.push(Proto { name: name.unwrap_or_else(|| organ.to_owned()), mesh: Arc::new(mesh) });

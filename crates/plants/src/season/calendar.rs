@@ -22,9 +22,10 @@ mod tuning {
     /// Seasons at which the first and the last leaf begin to turn, and how long that takes.
     pub(super) const TURN: [f32; 2] = [0.55, 0.8];
     pub(super) const TURNING: f32 = 0.09;
-    /// Few leaves turn early: rank r turns at r^0.55 of the time, so that the first tenth takes as long as the next quarter.
+    /// Few leaves turn early: a leaf of rank r turns at r^0.55 of the time, so that the first tenth takes as long as
+    /// the next quarter.
     pub(super) const EARLY: f32 = 0.55;
-    /// Seasons at which the first and the last leaf fall; the exponent holds most of them back to the end.
+    /// Seasons at which the first and the last leaf fall; with the exponent most leaves fall late.
     pub(super) const FALL: [f32; 2] = [0.66, 0.99];
     pub(super) const HELD: f32 = 0.6;
     /// A leaf does not fall before it has had its colour for this long.
@@ -35,7 +36,7 @@ mod tuning {
     pub(super) const MARCESCENT_DRY: f32 = 0.86;
 }
 
-/// Weights of what decides the order of leaves in one event of the year; their absolute values sum to 1.
+/// Weights of the quantities that decide the order of leaves in one event of the year; their absolute values sum to 1.
 struct Shares {
     /// Occlusion by the crown, 0 in the sun: a positive weight delays leaves in the shade.
     sun: f64,
@@ -58,7 +59,7 @@ const HUE: Shares = Shares { sun: 0.45, limb: 0.15, twig: 0.15, chance: 0.25, ti
 pub struct LeafCalendar {
     /// Season at which its bud opens.
     pub burst: f32,
-    /// Season at which its green begins to give way to the autumn colour.
+    /// Season at which the leaf begins to turn from green to the autumn colour.
     pub turn: f32,
     /// Season at which it falls; above 1 for a leaf that stays through the winter.
     pub fall: f32,
@@ -90,7 +91,7 @@ impl LeafCalendar {
         let unfolded = smoothstep(self.burst, self.burst + tuning::UNFOLDING, season);
         let [start, end] = tuning::GREENING.map(|t| self.burst + t);
         let green = smoothstep(start, end, season);
-        // The steps at which a leaf takes another material; `color` changes smoothly beside them.
+        // Steps of the colour, each with a separate material; `color` itself changes smoothly.
         let fresh_color = match green {
             g if g < 0.34 => LeafColor::Fresh,
             g if g < 0.8 => LeafColor::Young,
@@ -154,7 +155,7 @@ pub fn colors_between(habit: &LeafHabit, seasons: [f32; 2]) -> BTreeSet<LeafColo
             colors.extend(seasons.iter().filter_map(|s| leaf.at(habit, *s)).map(|now| now.look.color));
         }
     }
-    // The times do not depend on the hue: calendars of hue 0 stand for those of all.
+    // The times do not depend on the hue, so that calendars of hue 0 represent all hues.
     // At most 100 colours: see `LeafHabit::autumn`.
     let hues = u8::try_from(habit.autumn.len()).unwrap_or(u8::MAX);
     let with_all_hues = |color: LeafColor| -> Vec<LeafColor> {
@@ -182,7 +183,8 @@ fn calendar(spring: f32, turning: f32, falling: f32, hue: u8) -> LeafCalendar {
     }
 }
 
-/// The calendars of some organs of a plant. `light`: of all of its organs, in their order; `leaves`: indices of the organs.
+/// The calendars of some organs of a plant. `light`: light of all organs of the plant, in their order; `leaves`:
+/// indices of these organs.
 pub fn leaf_calendars(
     plant: &Plant,
     light: &[CrownLight],
@@ -191,7 +193,7 @@ pub fn leaf_calendars(
     seed: u64,
 ) -> Vec<LeafCalendar> {
     let limbs = limbs(plant);
-    // Ranks instead of scores: at a season, every plant then has the same share of leaves.
+    // Ranks are used instead of scores, so that at a given season every plant has the same share of its leaves.
     let rank = |word: &'static str, shares: &Shares| {
         let score = |i: &usize| {
             let organ = &plant.organs[*i];
@@ -208,7 +210,7 @@ pub fn leaf_calendars(
     };
     let (spring, turning) = (rank("bud burst", &SPRING), rank("turning", &TURN));
     let (falling, hues) = (rank("fall", &FALL), rank("hue", &HUE));
-    // Leaves that stay are those of the shaded inner and lower branches.
+    // The leaves that stay through the winter are those of the shaded inner and lower branches.
     let kept = rank("kept", &Shares { sun: -0.5, limb: 0.2, twig: 0.2, chance: 0.1, tip: 0.0 });
     let weights: Vec<f64> = habit.autumn.iter().map(|c| c.weight).collect();
     let births = || leaves.iter().map(|i| plant.organs[*i].birth);
@@ -263,7 +265,7 @@ fn by_share(weights: &[f64], share: f32) -> u8 {
         left -= w;
         left < 0.0
     });
-    // The weights are those of at most 100 colours: see `LeafHabit::autumn`.
+    // There are at most 100 colours: see `LeafHabit::autumn`.
     u8::try_from(found.unwrap_or(weights.len().saturating_sub(1))).unwrap_or(u8::MAX)
 }
 

@@ -10,7 +10,7 @@
 //! // Middle of October at 50 degrees north: full colour. January: bare.
 //! assert!((season_of_day(288, 50.0) - 0.81).abs() < 0.02);
 //! assert!(season_of_day(15, 50.0) >= 1.0 && season_of_day(130, 50.0) < 0.15);
-//! // The southern half of the Earth is half a year apart.
+//! // On the southern hemisphere the seasons are shifted by half a year.
 //! assert!((season_of_day(288 - 183, -50.0) - season_of_day(288, 50.0)).abs() < 0.01);
 //! ```
 //!
@@ -48,7 +48,7 @@ pub fn season_of_day(day: u16, latitude: f64) -> f64 {
     season_of_time(day.into(), latitude)
 }
 
-/// As [`season_of_day`], at a time in days, with fractions: 365 days more are the same time of the next year.
+/// As [`season_of_day`], at a time in days, with fractions; 365 days later is the same time of the next year.
 pub fn season_of_time(day: f64, latitude: f64) -> f64 {
     let from_equator = latitude.abs().clamp(LATITUDES[0], LATITUDES[1]);
     let turned = if latitude < 0.0 { 0.5 * YEAR } else { 0.0 };
@@ -61,11 +61,11 @@ pub fn season_of_time(day: f64, latitude: f64) -> f64 {
 /// Which leaves of a shoot fall first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FallOrder {
-    /// Those at its tip, as of oaks, beeches and ashes.
+    /// The leaves at its tip, as of oaks, beeches and ashes.
     Tips,
-    /// Those at its base, as of birches, poplars and lindens.
+    /// The leaves at its base, as of birches, poplars and lindens.
     Bases,
-    /// In an order that a random number of each leaf decides.
+    /// A random order, drawn for each leaf.
     Random,
 }
 
@@ -81,10 +81,10 @@ pub struct AutumnColor {
 /// Colours of the leaves of an organ over the year, and how they fall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafHabit {
-    /// Whether the leaves stay on the plant and green; only those of the youngest shoots then change, in spring.
+    /// Whether the leaves stay on the plant and green; then only the leaves of the youngest shoots change, in spring.
     pub evergreen: bool,
-    /// Share of the plant's growth that was its last year: organs that are younger than the youngest by at most that are on shoots of
-    /// the year.
+    /// Share of the plant's growth time that was its last year: organs born within this share before the youngest organ
+    /// belong to the shoots of the year.
     pub last_year: f32,
     /// Linear colour in summer.
     pub green: [f32; 3],
@@ -142,7 +142,7 @@ pub struct LeafLook {
 }
 
 impl LeafLook {
-    /// Green and open: what the leaves of a plant are before a season is applied.
+    /// The look of all leaves before a season is applied: green and open.
     pub const SUMMER: Self = Self { color: LeafColor::Green, shape: LeafShape::Open };
 }
 
@@ -158,7 +158,8 @@ impl LeafHabit {
         self.autumn.get(usize::from(index)).map_or(self.green, |c| c.color)
     }
 
-    /// Mean linear colour of a blade in a step of colour, which for a turning leaf averages veins and what is between them.
+    /// Mean linear colour of a blade in a step of colour, which for a turning leaf is the mean of the veins and the
+    /// blade between them.
     pub fn color(&self, color: LeafColor) -> [f32; 3] {
         match color {
             LeafColor::Green => self.green,

@@ -5,7 +5,8 @@ use glam::Vec3;
 use osier_base::units::{linear_from_srgb, srgb_byte};
 use osier_scene::{Image, Pixels};
 
-/// Brightest and darkest pixel against the mean that keep their contrast: veins that are much brighter would turn white.
+/// Range of a pixel's luminance divided by the mean within which it keeps its contrast; much brighter veins would turn
+/// white.
 const CONTRAST: [f32; 2] = [0.25, 2.2];
 /// Least alpha, of 255, of a pixel that counts as part of the leaf.
 const SHOWN: u8 = 128;
@@ -34,8 +35,9 @@ pub fn mean_color(image: &Image) -> Option<[f32; 3]> {
     (count > 0).then(|| sum.map(|s| osier_base::math::narrow(s / f64::from(count))))
 }
 
-/// The image with its colours mixed by a share with `to`, linear, which is scaled by the luminance of each pixel over that of
-/// `mean`, the mean of the image: veins and spots keep their contrast. An image that is not of 8-bit RGB or RGBA is only renamed.
+/// The image with its colours mixed by a share with `to`, linear, which is scaled by the luminance of each pixel
+/// divided by that of `mean`, the mean of the image: veins and spots keep their contrast. An image that is not of 8-bit
+/// RGB or RGBA is only renamed.
 pub fn recolored(image: &Image, name: String, mean: [f32; 3], to: [f32; 3], share: f32) -> Image {
     let mut out = Image { name, ..image.clone() };
     let (Pixels::U8(bytes), 3 | 4) = (&mut out.pixels, image.channels) else { return out };

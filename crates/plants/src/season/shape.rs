@@ -11,7 +11,7 @@ use osier_scene::Mesh;
 struct Bend {
     /// Rotation of each half about the midrib, upper sides towards each other, rad.
     fold: f32,
-    /// Rotation of the tip against the base, downwards, rad.
+    /// Downward rotation of the tip relative to the base, rad.
     curl: f32,
 }
 

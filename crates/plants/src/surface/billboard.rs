@@ -32,8 +32,8 @@ pub(super) struct BillboardTexel {
     pub(super) normal: Vec3,
 }
 
-/// Pixels of a square of samples, rows from the top. `side`: samples along a side, `supersampling` of them to a pixel; `color`:
-/// of a pixel, from the sum of its samples' colours and their number.
+/// Filters a square of samples to pixels, rows from the top. `side`: samples along a side, `supersampling` of them per
+/// pixel; `color`: computes the colour of a pixel from the sum of its samples' colours and their number.
 pub(super) fn texels(
     samples: &[Option<BillboardSample>],
     side: usize,
@@ -61,7 +61,7 @@ pub(super) fn texels(
 /// The alpha cutoff for which the number of pixels above it equals the sum of all alphas, so that the silhouette keeps its area
 /// (coverage-preserving alpha test); 0.5 for an empty picture. `supersampling`: samples along a side of a pixel.
 pub(super) fn coverage_cutoff(texels: &[BillboardTexel], supersampling: usize) -> f32 {
-    // The k-th largest alpha, where k is the sum of all alphas, less half a sample.
+    // The k-th largest alpha minus half a sample, where k is the sum of all alphas.
     let mut alphas: Vec<f32> = texels.iter().map(|t| t.alpha).filter(|a| *a > 0.0).collect();
     alphas.sort_unstable_by(|a, b| b.total_cmp(a));
     let covered: f64 = alphas.iter().fold(0.0, |s, a| s + f64::from(*a));

@@ -41,7 +41,7 @@ struct MeshRaster {
     /// Samples along a side.
     side: usize,
     samples: Vec<Option<BillboardSample>>,
-    /// Number of surfaces hit, hidden ones too, over all samples.
+    /// Number of surfaces hit over all samples, including hidden ones.
     hits: u64,
 }
 
@@ -50,7 +50,7 @@ impl MeshRaster {
         let [right, up, out] = view;
         let seen = Bounds::of(mesh.points.iter().map(|p| Vec3::new(p.dot(right), p.dot(up), p.dot(out))));
         let (low, high) = (seen.min.truncate(), seen.max.truncate());
-        // The mesh fills the pixels inside of the margin: the size of the mesh over their number is that of a pixel.
+        // The mesh fills the image except for MARGIN pixels on each side: pixel size = mesh size / inner pixels.
         let inner = narrow((pixels - 2 * MARGIN) as f64);
         let margin = (high - low).max(Vec2::splat(1e-4)) * (narrow(MARGIN as f64) / inner);
         // The horizontal quad lies at the mean height of the mesh's area; vertical quads pass through the stem.
@@ -227,7 +227,7 @@ fn billboard_material(
     name: &str,
     side: u32,
 ) -> SurfaceMaterial {
-    // The cutoff is computed before empty texels take a colour, since it looks at alpha alone.
+    // The cutoff depends on alpha alone, so that it can be computed before empty texels take a colour.
     let cut = coverage_cutoff(&texels, SUPERSAMPLING);
     let sum = texels.iter().fold((Vec3::ZERO, 0.0), |s, t| (s.0 + t.color * t.alpha, s.1 + t.alpha));
     let area_mean = sum.0 / sum.1.max(1e-6);

@@ -215,14 +215,14 @@ pub fn ground_material(colors: &GroundColors, name: &str, side: u32, tile: f32, 
 }
 
 impl GroundNoise {
-    /// Patterns of the same size on the ground whatever the repeat: lengths are in metres. What is finer than two pixels
-    /// is drawn as coarse as the map can show.
+    /// Patterns have the same size on the ground whatever the size of a repeat: lengths are in metres. Detail finer
+    /// than two pixels is made as coarse as the map can show.
     fn new(tile: f32, side: u32, seed: u64) -> Self {
         let s = |k: u64| seed.wrapping_mul(64).wrapping_add(k << 3);
         let most = (side / 2).max(2);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
         let times = |length: f32| ((tile.max(0.01) / length).round().clamp(1.0, most as f32)) as u32;
-        // Each octave halves the cells: as many as leave at least two pixels to a cell.
+        // Each octave halves the cells; there are as many octaves as leave at least two pixels per cell.
         let fractal = |k: u64, lengths: [f32; 2], octaves: u32| {
             let cells = lengths.map(times);
             let room = most / cells[0].max(cells[1]);
@@ -243,8 +243,8 @@ impl GroundNoise {
     }
 }
 
-/// Blends a colour into the haze, from a third of the radius on. `x`, `y`: in a map whose corners meet in the middle of the
-/// ground.
+/// Blends a colour into the haze, from a third of the radius on. `x`, `y`: position in a map whose corners meet in the
+/// middle of the ground.
 fn with_haze(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
     let (air, most) = colors.haze;
     // Distance from the nearest corner of the map, which is the middle of the ground.

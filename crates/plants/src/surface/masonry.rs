@@ -1,5 +1,5 @@
-//! Meshes and materials of buildings: walls, and houses with gable roof and windows. Measures are those of common dwelling
-//! houses.
+//! Meshes and materials of buildings: walls, and houses with gable roof and windows. Dimensions are those of common
+//! dwelling houses.
 //!
 //! ```
 //! use glam::Vec3;
@@ -29,7 +29,7 @@ const SILL_HEIGHT: f32 = 0.95;
 const FRAME_WIDTH: f32 = 0.09;
 const WINDOW_OFFSETS: [f32; 2] = [0.015, 0.02];
 
-/// Number of materials of a building, as [`materials`] returns them and [`masonry`] counts from its first.
+/// Number of materials of a building, in the order of [`materials`]; [`masonry`] takes the id of the first.
 pub const MATERIAL_COUNT: u32 = 4;
 
 /// Materials `<name>_wall`, `<name>_roof`, `<name>_trim` (window frames) and `<name>_pane`, without images. `wall`, `roof`:
@@ -55,7 +55,8 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     let mut mesh = Mesh::default();
     let n = near.len();
     let gable = n == 5;
-    // The face on the ground is left out, and with a gable the two below the roof's slabs. What is raised is seen from below.
+    // The face on the ground is left out, and with a gable the two faces below the roof's slabs. A raised solid keeps
+    // its lower face, which can be seen.
     let raised = near[0].y > 0.0;
     for i in 0..n {
         let k = (i + 1) % n;
@@ -71,7 +72,7 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
         }
         push_polygon(&mut mesh, &outline);
     }
-    // Roof, frames and panes are appended after the walls; each subset ends where the triangles do so far.
+    // Roof, frames and panes are appended after the walls; each subset ends at the number of triangles so far.
     let walls = triangle_count(&mesh);
     let mut subsets = vec![(first, walls)];
     if gable {
@@ -93,7 +94,8 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     mesh
 }
 
-/// The slabs of the roof of a house as obstacles, as [`masonry`] shows them: they project from its walls. Empty for other solids.
+/// The roof slabs of a house, which overhang its walls, as obstacles with the shape that [`masonry`] shows. Empty for
+/// other solids.
 pub fn roof_solids(solid: &Solid) -> Vec<Solid> {
     let Form::Prism(prism) = &solid.form else { return Vec::new() };
     let slab = |form: Prism| Solid { form: Form::Prism(form), ..solid.clone() };
@@ -138,8 +140,8 @@ fn push_roof(mesh: &mut Mesh, near: &[Vec3], far: &[Vec3]) {
         let low = [out(near[eave]) + width, out(far[eave]) - width];
         let normal = (ridge[1] - ridge[0]).cross(low[0] - ridge[0]).normalize_or(Vec3::Y);
         let thickness = normal * if normal.y < 0.0 { -ROOF_THICKNESS } else { ROOF_THICKNESS };
-        // The tiles are the surface of the solid, on which vines grow and seeds lie; a little above the gable's own edge, to avoid
-        // coplanar faces.
+        // The tiles lie on the surface of the solid, on which vines grow and seeds lie, but a little above the edge of
+        // the gable to avoid coplanar faces.
         let top = [ridge[0], ridge[1], low[1], low[0]].map(|p| p + thickness * 0.03);
         let bottom = top.map(|p| p - thickness);
         let sides = [[0, 1], [1, 2], [2, 3], [3, 0]].map(|[i, k]| [bottom[i], bottom[k], top[k], top[i]]);

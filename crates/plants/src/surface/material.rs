@@ -12,7 +12,7 @@ pub struct SurfaceMaterial {
 }
 
 impl SurfaceMaterial {
-    /// Appends pictures and material to a scene's lists; returns the material's id there.
+    /// Appends the images and the material to a scene's lists; returns the material's id there.
     pub fn register(mut self, images: &mut Vec<Image>, materials: &mut Vec<Material>) -> MaterialId {
         // Map indices are local to the material; shift them by the number of images already registered.
         let first = count(images);

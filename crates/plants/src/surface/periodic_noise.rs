@@ -71,7 +71,7 @@ impl GradientNoise {
     }
 }
 
-/// Both lattice columns around `x`, wrapped, and the position between them, 0 to 1.
+/// The lattice columns on both sides of `x`, wrapped, and the position between them, 0 to 1.
 fn cell(x: f32, period: usize) -> ([usize; 2], f32) {
     let (column, place) = split(x);
     let i = wrap(column, period);
@@ -79,10 +79,10 @@ fn cell(x: f32, period: usize) -> ([usize; 2], f32) {
     ([i, j], place)
 }
 
-/// Whole part, rounded down, and the rest.
+/// The number rounded down, and the rest.
 #[allow(clippy::cast_possible_truncation, reason = "a map has a few thousand cells; beyond, the cast saturates")]
 fn split(x: f32) -> (i32, f32) {
-    // A cast and a comparison: `floor` is a call where the instruction set has none.
+    // A cast and a comparison, because `floor` is a function call on instruction sets without rounding.
     let cut = x as i32;
     let whole = if cut as f32 > x { cut.wrapping_sub(1) } else { cut };
     (whole, x - whole as f32)

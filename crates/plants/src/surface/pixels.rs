@@ -19,7 +19,7 @@ pub(super) struct MaterialTexel {
 }
 
 /// The images `<name>_color` (sRGB), `_normal`, `_rough` and, with `height`, `_height` (16 bit) of a square of texels, `side`
-/// along an edge, rows from the top. `slopes`: height range over the size of a texel, across and up.
+/// along an edge, rows from the top. `slopes`: height range divided by the size of a texel, across and up.
 pub(super) fn surface_images(
     name: &str,
     side: u32,
@@ -56,7 +56,8 @@ pub(super) fn srgb_image(colors: impl Iterator<Item = Vec3>) -> Vec<u8> {
 }
 
 /// Unit normals of a square height field, row 0 at the top, wrapped at the borders: normalize(-dh/du, -dh/dv, 1) by
-/// central differences, stored as (n + 1) / 2 in RGB bytes. `slopes`: height unit over the size of a pixel, across and up.
+/// central differences, stored as (n + 1) / 2 in RGB bytes. `slopes`: height unit divided by the size of a pixel,
+/// across and up.
 pub(super) fn normal_map(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<u8> {
     let rows: Vec<usize> = (0..side).collect();
     let row = |&y: &usize| {

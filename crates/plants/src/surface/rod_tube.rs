@@ -162,7 +162,7 @@ impl SkinnedMeshBuilder {
         self.skin.weights.push([one.1, two.1, 0.0, 0.0]);
     }
 
-    /// Appends a disc at an end, facing along the rod for `outwards`, else against it.
+    /// Appends a disc at an end that faces along the rod if `outwards`, otherwise against it.
     fn cap(&mut self, ring: &TubeRing, sides: u32, outwards: bool) {
         let base = next_index(&self.mesh);
         let normal = ring.q * if outwards { Vec3::Y } else { -Vec3::Y };

@@ -137,7 +137,7 @@ pub struct Organ {
     pub axis: u32,
     /// Arc length on the axis at which it grows, m.
     pub s: f32,
-    /// From the centreline, in the axis frame at `s`, m.
+    /// Vector from the centreline to the attachment point, in the axis frame at `s`, m.
     pub offset: Vec3,
     /// Rotation relative to the axis frame at `s`. Organ space: +Y along the midrib, +Z upper side.
     pub q: Quat,
@@ -147,7 +147,7 @@ pub struct Organ {
     pub proto: u16,
     /// Distance from the offset point to the organ's pivot, m.
     pub petiole: f32,
-    /// Random in [0, 1], for colour.
+    /// Random number in [0, 1] by which colours vary.
     pub tint: f32,
     /// Growth time, from 0 for the oldest part to 1 for the youngest.
     pub birth: f32,
@@ -193,7 +193,7 @@ pub struct Plant {
     pub protos: Vec<Proto>,
     /// Names of materials that axes and organs refer to by index.
     pub materials: Vec<String>,
-    /// What made it, for people: "oak.l", ...
+    /// Name of the file or tool that made the plant, for people: "oak.l", ...
     pub source: String,
     /// True if the axes are the lines of a drawing: their mesh then neither widens at the foot nor extends into the ground.
     pub lines: bool,

@@ -30,7 +30,7 @@ impl std::fmt::Display for Warning {
 
 /// Checks a plant and repairs two faults: nodes of segments shorter than 1e-7 m are dropped (an axis of no length keeps two
 /// nodes, 1 um apart, or 1e-6 of their largest coordinate), and children thicker than 0.95 of their parent at the site are
-/// thinned to that. Returns one warning per kind of repair; radii that grow along an axis, as at the nodes of a culm, are none.
+/// thinned to that. Returns one warning per kind of repair. Radii that grow along an axis, as at the nodes of a culm, are allowed.
 /// # Errors
 /// X001 for a value that is not finite; `Range` for r <= 0, a frame that is no unit quaternion, a parent that does not
 /// precede its child, an arc length outside its axis, an unknown prototype or fewer than 2 nodes; `Limit` beyond 2e7
@@ -160,12 +160,12 @@ fn check_organs(plant: &Plant) -> Result<()> {
     Ok(())
 }
 
-/// True if node `i` lies beyond node `j`, by chord and by arc length.
+/// True if node `i` is more than [`MIN_SEGMENT`] farther along the axis than node `j`, and as far from it in space.
 fn apart(n: &Nodes, i: usize, j: usize) -> bool {
     n.s[i] - n.s[j] > MIN_SEGMENT && n.p[i].distance(n.p[j]) > MIN_SEGMENT
 }
 
-/// Nodes of an axis worth keeping: each lies beyond the one before.
+/// Indices of the nodes of an axis that are kept: each is [`apart`] from the one kept before.
 fn kept(plant: &Plant, axis: &Axis) -> Vec<usize> {
     let mut keep: Vec<usize> = Vec::with_capacity(axis.count as usize);
     for i in plant.nodes_of(axis) {
@@ -176,7 +176,7 @@ fn kept(plant: &Plant, axis: &Axis) -> Vec<usize> {
     keep
 }
 
-/// Index or number of nodes as axes store it. The nodes are some of those that the plant's axes indexed with u32 before.
+/// Index or number of nodes as axes store it. It fits, since nodes are only removed from a plant whose axes indexed all of them with u32.
 fn stored_index(n: usize) -> u32 {
     saturating_index(n)
 }
@@ -217,7 +217,7 @@ fn copy_node(to: &mut Nodes, from: &Nodes, i: usize) {
 
 /// Moves the last node, a copy of node `twin` of `old`, along the growth direction of its frame.
 fn stretch(nodes: &mut Nodes, twin: usize, old: &Nodes) {
-    // Relative to the coordinates, so that the sum differs from them in single precision.
+    // The distance is proportional to the coordinates, so that adding it changes them in single precision.
     let far = old.p[twin].abs().max_element().max(1.0) * 1e-6;
     if let (Some(p), Some(s)) = (nodes.p.last_mut(), nodes.s.last_mut()) {
         *p += old.q[twin] * (glam::Vec3::Y * far);
@@ -230,7 +230,7 @@ fn thin_children(plant: &mut Plant, warnings: &mut Vec<Warning>) {
     for i in 0..plant.axes.len() {
         let axis = &plant.axes[i];
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
-        // Parents come first: theirs is the radius after thinning.
+        // Parents come before their children, so that the parent's radius is the thinned one.
         let most = plant.radius(parent, axis.parent_s) * MAX_CHILD;
         let range = plant.nodes_of(axis);
         if plant.nodes.r[range.start] <= most * 1.0001 {

@@ -12,8 +12,8 @@ use osier_base::geometry::Bounds;
 pub enum CellDiagonal {
     /// From -x -z to +x +z.
     Main,
-    /// That of the smaller height difference, which follows ridges and valleys better than a fixed one, and from +x -z to -x +z if
-    /// both are equal: as the mesh of a terrain.
+    /// The diagonal with the smaller height difference, which follows ridges and valleys better than a fixed one; from +x -z to
+    /// -x +z if both differences are equal. The mesh of a terrain is divided in the same way.
     SmallerDifference,
 }
 
@@ -58,7 +58,8 @@ pub struct LandForm {
     heights: Vec<f32>,
     diagonal: CellDiagonal,
     bounds: Bounds,
-    /// Cosine of the steepest slope: times the vertical gap, a lower bound of the distance to the surface everywhere.
+    /// Cosine of the angle of the steepest slope. Its product with the vertical distance to the surface is a lower bound of the
+    /// shortest distance.
     flattest: f32,
 }
 
@@ -189,7 +190,7 @@ impl LandForm {
     /// Conservative test of a box: false only if the surface does not pass through it.
     pub(super) fn may_touch(&self, within: Bounds) -> bool {
         let (center, half) = (within.center(), within.size() / 2.0);
-        // From the middle the land rises or falls by its steepest slope at most.
+        // Tangent of the angle of the steepest slope, at which the land rises or falls at most.
         let slope = (1.0 / (self.flattest * self.flattest) - 1.0).max(0.0).sqrt();
         // Height of the middle of the box over the land below it.
         let gap = center.y - self.height(Vec2::new(center.x, center.z));
@@ -228,7 +229,7 @@ impl LandForm {
         // Near it, the nearest point is on a triangle of the cells within the height of the point.
         let reach = gap.abs();
         let (low, high) = (self.bounds.min, self.bounds.max);
-        // To a place over the rectangle no point of the land beyond is nearer than one of the edge.
+        // For a point over the rectangle, no point of the land outside the rectangle is nearer than its edge.
         let beyond = at.x < low.x || at.x > high.x || at.z < low.z || at.z > high.z;
         let around = |v: f32| [v - reach, v + reach];
         let columns = self.cells_touched(around(at.x - self.corner.x), self.columns, beyond);
@@ -257,7 +258,7 @@ impl LandForm {
             }
         }
         let (distance, place, flat) = best;
-        // On the surface itself the direction to the nearest point is lost in rounding: take the normal of its triangle.
+        // For a point on the surface the direction to the nearest point is lost in rounding: take the normal of the triangle.
         let out = (at - place) * sign;
         Nearest { distance: distance * sign, normal: if distance > 1e-5 { out / distance } else { flat } }
     }

@@ -59,7 +59,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// The axis-aligned box around it; of a land only that over its rectangle, beyond which it continues.
+    /// The axis-aligned box around it. For a height field, the box over its rectangle, although the land continues outside.
     #[inline]
     pub fn bounds(&self) -> Bounds {
         match &self.form {
@@ -69,7 +69,7 @@ impl Solid {
         }
     }
 
-    /// The axis-aligned box that holds all points inside of it: that of a land has no border but its highest height.
+    /// The axis-aligned box that holds all points inside the solid. For a height field it is unbounded except for its top.
     fn enclosing_box(&self) -> Bounds {
         let bounds = self.bounds();
         match &self.form {
@@ -78,7 +78,7 @@ impl Solid {
         }
     }
 
-    /// True for points inside; of a height field, for all points below it.
+    /// True for points inside; for a height field, true for all points below it.
     #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
         match &self.form {
@@ -126,8 +126,8 @@ impl Solid {
         if let Form::Shell(s) = &self.form { s.open_edges() } else { 0 }
     }
 
-    /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: what its surface stops
-    /// all the same.
+    /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: the things that its
+    /// surface stops although its inside is a guess, such as drops.
     pub fn open_mesh_warning(&self, stopped: &str) -> Option<String> {
         let edges = self.open_edges();
         (edges > 0).then(|| {
@@ -144,9 +144,9 @@ impl Solid {
 #[derive(Debug, Clone, Default)]
 pub struct Solids {
     all: Vec<Solid>,
-    /// Parallel to the first solids: parts that project from each.
+    /// Parts that project from each solid; may be shorter than `all`.
     projections: Vec<Vec<Solid>>,
-    /// Parallel to the solids: outside of it no point is inside of the solid or of a part that projects from it.
+    /// One per solid: a box that holds all points inside the solid and inside the parts that project from it.
     boxes: Vec<Bounds>,
     /// True if everything below y = 0 is ground.
     level: bool,
@@ -169,9 +169,9 @@ impl Solids {
         Self { all, projections: Vec::new(), boxes, level }
     }
 
-    /// The same solids with parts that project from them, such as the eaves of roofs. Each part is one with its solid: of both the
-    /// nearer surface answers, under the index of the solid. `projections`: parallel to [`Solids::list`]; solids beyond its end have
-    /// none.
+    /// The same solids with parts that project from them, such as the eaves of roofs. A query treats a solid and its parts as one
+    /// solid and returns the nearest of their surfaces with the index of the solid. `projections`: parallel to [`Solids::list`];
+    /// solids beyond its end have none.
     #[inline]
     #[must_use]
     pub fn with_projections(mut self, projections: Vec<Vec<Solid>>) -> Self {
@@ -194,7 +194,8 @@ impl Solids {
         &self.all
     }
 
-    /// The surface with the least signed distance among those within `reach`, m, of a point: inside a solid, that of the solid.
+    /// The surface with the least signed distance among those within `reach`, m, of a point; if the point is inside a solid, the
+    /// surface of that solid.
     #[inline]
     pub fn near(&self, at: Vec3, reach: f32) -> Option<Near> {
         let level = Near { nearest: Nearest { distance: at.y, normal: Vec3::Y }, which: None };

@@ -95,7 +95,7 @@ impl Prism {
         let eaves = self.outline.iter().filter(|p| p.x > b.1.x - 1e-6).map(|p| p.y).fold(0.0, f32::max);
         let size = b.1 - b.0;
         let front = |sign: f32| Side {
-            // Seen from outside rows run to the right.
+            // `along` points to the right when the side is seen from outside.
             corner: self.foot + self.depth * (size.x / 2.0 * sign) - self.width * (self.half * sign) + Vec3::Y * eaves,
             along: self.width * (2.0 * self.half * sign),
             down: -Vec3::Y * eaves,
@@ -136,7 +136,8 @@ impl Prism {
     /// Whether a segment meets the prism grown by `slack`, m, on every side.
     /// Source: M. Cyrus, J. Beck, "Generalized two- and three-dimensional clipping", 1978.
     pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
-        // Along the width and in the plane of the outline; the segment is from + t (to - from), t from 0 to 1.
+        // Split the ends of the segment into coordinates along the width and in the plane of the outline. A point of the segment
+        // is from + t (to - from), t from 0 to 1.
         let plane = |p: Vec3| Vec2::new((p - self.foot).dot(self.depth), p.y - self.foot.y);
         let (a, b) = (plane(from), plane(to));
         let (along_a, along_b) = ((from - self.foot).dot(self.width), (to - self.foot).dot(self.width));
@@ -170,7 +171,7 @@ impl Prism {
         let over = along.abs() - self.half;
         let end = self.width * if along < 0.0 { -1.0 } else { 1.0 };
         let out = self.depth * out.x + Vec3::Y * out.y;
-        // Beyond an edge between end and side: the distance to that edge.
+        // The point lies outside both an end face and a side face: take the distance to their common edge.
         if side > 0.0 && over > 0.0 {
             let away = Vec2::new(side, over);
             let distance = away.length();
@@ -197,7 +198,7 @@ fn outline(corners: &[Vec2], p: Vec2) -> (f32, Vec2) {
         let away = p - *a - edge * share;
         let distance = away.length();
         if distance < outside.0 {
-            // On the edge the direction from the nearest point is undefined: the normal of the edge.
+            // For a point on the edge the direction from the nearest point is undefined: take the normal of the edge.
             outside = (distance, if distance > 1e-6 { away / distance } else { normal });
         }
     }

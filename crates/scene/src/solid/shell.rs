@@ -11,8 +11,9 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::Nearest;
 use osier_base::geometry::Bounds;
 
-/// Distance, over the length of a ray, within which triangles that face the same way are one crossing. Above the rounding of
-/// distances to triangles that share an edge; a closed surface has no two sheets that face alike so near each other.
+/// Largest distance, as a share of the length of a ray, between triangles that face the same way and count as one crossing. It
+/// exceeds the rounding errors of distances to triangles that share an edge; two sheets of a closed surface that face alike are
+/// farther apart.
 const SAME_CROSSING: f32 = 1e-5;
 
 /// A triangle mesh with a bounding volume hierarchy. If it has open edges, what counts as inside is a guess.
@@ -50,7 +51,7 @@ impl Shell {
         Some(Self { triangles, tree, bounds, edges })
     }
 
-    /// Number of edges that belong to an odd number of triangles; 0 for a closed mesh, or several that touch.
+    /// Number of edges that belong to an odd number of triangles; 0 for a closed mesh, and for several closed meshes that touch.
     #[inline]
     pub fn open_edges(&self) -> usize {
         self.edges.open
@@ -66,16 +67,16 @@ impl Shell {
         self.bounds
     }
 
-    /// True if more than three of the six rays along the axes tell that the point is inside. Where all triangles have a common
-    /// outside, a ray tells so that leaves the surface more often than it enters it (or the other way about, if all are inside
-    /// out): what lies in two overlapping boxes is inside. Otherwise a ray tells so by an odd number of crossings.
+    /// True if more than three of the six rays along the axes find the point inside. If all triangles have a common outside, a
+    /// ray does so that leaves the surface more often than it enters it (or less often, if the mesh is inside out), so that
+    /// points in the overlap of two boxes are inside. Otherwise an odd number of crossings means inside.
     pub(super) fn contains(&self, at: Vec3) -> bool {
         let b = self.bounds;
         if at.cmplt(b.min).any() || at.cmpgt(b.max).any() {
             return false;
         }
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
-        // A hole in an open mesh falsifies the count of the rays through it; the majority of the rays decides.
+        // Rays through a hole of an open mesh count a wrong number of crossings, so the majority of the rays decides.
         let mut met = [Vec::new(), Vec::new()];
         let tells_inside = |way: &&Vec3| {
             let [enters, leaves] = self.crossings(at, **way, &mut met);
@@ -87,7 +88,7 @@ impl Shell {
     /// Number of times that the ray from `from` along the unit vector `way` passes through triangles that face it, and through
     /// triangles that face away. At an edge or a corner the triangles that face the same way are one crossing: rays along the axes
     /// meet the diagonals of faces on a grid exactly.
-    /// `met`: memory for the distances of the triangles that face the ray, and of those that face away.
+    /// `met`: buffers for the distances of the triangles that face the ray, and of those that face away.
     fn crossings(&self, from: Vec3, way: Vec3, met: &mut [Vec<f32>; 2]) -> [usize; 2] {
         // Long enough to leave the mesh from any point in its box.
         let far = self.bounds.size().max_element() * 2.0;

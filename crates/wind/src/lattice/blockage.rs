@@ -1,15 +1,16 @@
-//! How much of the inflow solids block: rows of cells that they meet, and the narrowest way past them.
+//! How much of the inflow the solids block: the share of blocked rows of cells, and the narrowest passage past the
+//! solids.
 
 use std::collections::VecDeque;
 
 use super::domain::{Domain, FaceCondition};
 use super::stencil::opposite;
 
-/// A cell face that was never reached from an inlet.
+/// Level of a cell that the search has not reached from an inlet.
 const UNREACHED: u32 = u32::MAX;
 
-/// Share of the rows of cells along an axis that a solid cell or a cut link blocks, 0 to 1. What the wind cannot pass is at most
-/// this, since the other rows are free from end to end.
+/// Share of the rows of cells along an axis that a solid cell or a cut link blocks, 0 to 1: an upper bound of the share
+/// of the inflow that is blocked, since all other rows are free from end to end.
 pub(super) fn blocked_row_share(domain: &Domain, along: usize) -> f64 {
     let n = domain.grid.n;
     let across = [(along + 1) % 3, (along + 2) % 3];
@@ -28,18 +29,19 @@ pub(super) fn blocked_row_share(domain: &Domain, along: usize) -> f64 {
     blocked as f64 / (n[across[0]] * n[across[1]]) as f64
 }
 
-/// Share of the inflow's section that stays open at the narrowest place between inlets and outlets, 0 to 1, counted in faces of
-/// cells; no more than `enough` is looked for.
+/// Share of the inflow's cross-section that stays open at the narrowest place between inlets and outlets, 0 to 1,
+/// counted in faces of cells. The search ends once the share reaches `enough`.
 ///
-/// By the theorem of Menger the narrowest section has as many faces as there are ways from inlets to outlets that share none: the
-/// maximum flow through a network with an edge of capacity 1 for every face between two air cells.
+/// By Menger's theorem the narrowest section has as many faces as there are paths from inlets to outlets that share no
+/// face. That number is the maximum flow through a network with an edge of capacity 1 for every face between two air
+/// cells.
 /// Source: Y. Dinitz, "Algorithm for solution of a problem of maximum flow in networks with power estimation", 1970.
 pub(super) fn narrowest_open_share(domain: &Domain, enough: f64) -> f64 {
     let mut network = FlowNetwork::new(domain);
     let inlets = network.ends(FaceCondition::Inlet);
     let wanted = enough * inlets.len() as f64;
     let mut flow = 0.0_f64;
-    // Each phase finds ways of the shortest length left; none left means that the flow is the largest.
+    // Each phase finds augmenting paths of the shortest length that is left; if there is none, the flow is maximal.
     while flow < wanted && network.find_levels(&inlets) {
         for end in &inlets {
             if flow < wanted && !network.is_end_used(*end) && network.find_augmenting_path(*end) {
@@ -50,7 +52,7 @@ pub(super) fn narrowest_open_share(domain: &Domain, enough: f64) -> f64 {
     if inlets.is_empty() { 1.0 } else { flow / inlets.len() as f64 }
 }
 
-/// The face of a cell at an end of the network: at an inlet or outlet.
+/// A face of a cell at an inlet or outlet, where paths of the network begin or end.
 #[derive(Debug, Clone, Copy)]
 struct NetworkEnd {
     cell: [usize; 3],
@@ -62,10 +64,11 @@ struct FlowNetwork<'a> {
     domain: &'a Domain,
     /// By cell and axis: flow through its upper face, -1 to 1.
     flow: Vec<[i8; 3]>,
-    /// By cell: faces at inlets and outlets that a way uses, by bits.
+    /// Per cell: bit mask of the faces at inlets and outlets that a path uses.
     used_ends: Vec<u8>,
-    /// By cell: steps from the nearest unused inlet, and the face that the search tries next.
+    /// Per cell: number of steps from the nearest unused inlet.
     level: Vec<u32>,
+    /// Per cell: the face that the search tries next.
     next_face: Vec<u8>,
 }
 
@@ -81,7 +84,7 @@ impl<'a> FlowNetwork<'a> {
         }
     }
 
-    /// Faces of air cells at faces of the box of a condition.
+    /// Faces of air cells at those faces of the box that have a condition.
     fn ends(&self, condition: FaceCondition) -> Vec<NetworkEnd> {
         let n = self.domain.grid.n;
         let cells = (0..self.flow.len()).filter(|c| !self.domain.solid[*c]);
@@ -103,7 +106,7 @@ impl<'a> FlowNetwork<'a> {
         self.used_ends[self.domain.grid.cell_index(cell)] >> face & 1 == 1
     }
 
-    /// The air cell beyond a face, if one is there.
+    /// The air cell beyond a face; `None` if there is none, or if a surface lies between.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     fn neighbor(&self, cell: [usize; 3], face: usize) -> Option<[usize; 3]> {
         let mut node = cell.map(|c| c as isize);
@@ -113,7 +116,7 @@ impl<'a> FlowNetwork<'a> {
         (!self.domain.is_solid(next) && !self.domain.is_link_cut(cell, opposite(face + 1))).then_some(next)
     }
 
-    /// The flow through a face between two cells, and its sign outwards.
+    /// The flow through the face between two cells, and the sign of flow out of `cell`.
     fn face_flow(&mut self, cell: [usize; 3], next: [usize; 3], face: usize) -> (&mut i8, i8) {
         let (owner, sign) = if face.is_multiple_of(2) { (next, -1) } else { (cell, 1) };
         (&mut self.flow[self.domain.grid.cell_index(owner)][face / 2], sign)
@@ -150,16 +153,16 @@ impl<'a> FlowNetwork<'a> {
         reached
     }
 
-    /// Finds a way from an inlet to an unused outlet along rising levels, and lets one unit flow.
+    /// Finds a path from an inlet to an unused outlet along rising levels, and lets one unit flow along it.
     fn find_augmenting_path(&mut self, inlet: NetworkEnd) -> bool {
         let grid = self.domain.grid;
-        // The way so far, as cells and the face by which each is left.
+        // The path so far, as cells and the face by which it leaves each.
         let (mut way, mut cell): (Vec<NetworkEnd>, [usize; 3]) = (Vec::new(), inlet.cell);
         loop {
             let c = grid.cell_index(cell);
             let face = usize::from(self.next_face[c]);
             if face == 6 {
-                // No way on from here: back, and from there by another face.
+                // Dead end: go back one cell, and try its next face.
                 let Some(last) = way.pop() else { return false };
                 cell = last.cell;
                 self.next_face[grid.cell_index(cell)] += 1;

@@ -23,14 +23,15 @@ pub(super) fn cell_center(cells: CellGeometry, cell: [usize; 3]) -> Vec3 {
 }
 
 impl CellGeometry {
-    /// Height of the top of a solid over the bottom of the box, or over its lowest point if that is higher, cells.
+    /// Height in cells of the top of a solid above the bottom of the box, or above the solid's lowest point if that is
+    /// higher.
     pub(super) fn height_in_cells(self, solid: &Solid) -> f64 {
         let bounds = solid.bounds();
         (f64::from(bounds.max.y) - f64::from(bounds.min.y).max(self.origin.y)) / self.spacing
     }
 
-    /// Columns and rows of the plane `z` whose centres lie within a solid's bounds, `margin` m wider; none if the plane does
-    /// not. Land extends without bound horizontally and downwards.
+    /// Columns and rows of the plane `z` whose centres lie within a solid's bounds, widened by `margin`, m; `None` if
+    /// the plane itself lies outside. Land extends without bound horizontally and downwards.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn plane_range(
         self,

@@ -10,8 +10,9 @@ use osier_base::simd::Lane;
 /// Highest speed at which the equilibrium is evaluated, cells per step. The second-order expansion (eq. 8) assumes
 /// |u| << 1/sqrt(3); above, it turns negative for some directions and the scheme diverges.
 pub(super) const MAX_SPEED: f64 = 0.3;
-/// While no cell of a plane is faster, cells per step, none can pass [`MAX_SPEED`] within the next step, and the test for
-/// it is left out of the kernel. Higher: a cell may pass the limit unnoticed. Lower: more planes run the slower kernel.
+/// Speed, cells per step, up to which no cell can exceed [`MAX_SPEED`] in the next step: while no cell of a plane is
+/// faster, the kernel leaves out the speed test. Higher: a cell may pass the limit unnoticed. Lower: more planes run
+/// the slower kernel.
 pub(super) const UNCHECKED_SPEED: f64 = 0.25;
 
 /// How populations relax towards the equilibrium.
@@ -176,7 +177,8 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
             (*j, *excess) = (*j + half, *excess - half);
         }
     }
-    // |u|^2 = |j|^2 / rho^2, from j: the velocity would have to wait for the division.
+    // Compute |u|^2 = |j|^2 / rho^2 with |j|^2 from the momentum: it need not wait for the division 1/rho, as the
+    // velocity must.
     let speed_squared = inverse_density * (inverse_density * j[0].mul_add(j[0], j[1].mul_add(j[1], j[2] * j[2])));
     if limit.is_finite() && speed_squared.any_gt(limit) {
         // Shorten j to the speed limit. The rest stays in the populations and relaxes as non-equilibrium momentum.
@@ -267,7 +269,7 @@ fn relax_pairs<L: Lane>(
     let kept = half + number(0.5);
     let (axis_weight, diagonal_weight) = (half * number(-2.0 * WEIGHTS[1]), half * number(-2.0 * WEIGHTS[2]));
     for k in 0..7 {
-        // Ordered so that little of it waits for the division 1/rho.
+        // The operations are ordered so that few of them wait for the division 1/rho.
         let quadratic = number(4.5).mul_add(along[k] * along[k], square);
         let even_equilibrium = inverse_density.mul_add(quadratic, drho);
         let even = if k < 3 { axis_weight } else { diagonal_weight }.mul_add(even_equilibrium, kept * pairs.even[k]);

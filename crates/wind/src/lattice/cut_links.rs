@@ -1,9 +1,10 @@
 //! Links between cells that a surface cuts: walls thinner than a cell, walls oblique to the grid, open meshes.
 //!
-//! A wall between two cell centres holds no centre, so that solid cells would not close it. A population whose way from centre to
-//! centre meets a surface bounces back halfway instead, though both cells are air. Each cell knows which of its fourteen half
-//! links, from its centre to halfway to the neighbour, meet a surface; a link is cut if either half is. Halves also serve links
-//! that a face of the box reflects or joins to the opposite face, whose halves lie apart.
+//! A wall thinner than a cell may lie between two cell centres and contain none, so that no cell becomes solid. A
+//! population whose path from centre to centre meets a surface therefore bounces back halfway, though both cells are
+//! air. Each cell knows which of its fourteen half links, from its centre to halfway to the neighbour, meet a surface;
+//! a link is cut if either half is. Half links also serve links that a face of the box reflects or joins to the
+//! opposite face, whose two halves lie apart.
 
 use glam::Vec3;
 
@@ -81,7 +82,7 @@ impl HalfLinkCutMask {
     }
 }
 
-/// Which of the half links around a cell's centre meet a solid, by bits.
+/// Which of the half links around a cell's centre meet a solid, as a bit mask.
 fn cut_halves(solid: &Solid, center: Vec3, half: f32, slack: f32) -> u16 {
     (1..Q)
         .filter(|i| {

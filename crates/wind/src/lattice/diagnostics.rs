@@ -17,7 +17,8 @@ pub(super) struct PlaneDiagnostics {
     pub out_of_range: Option<[usize; 2]>,
     /// Sum of the density less 1.
     pub mass: f64,
-    /// The same with the sign of the parity of x + y + z: nonzero when the sublattices of even and of odd cells decouple.
+    /// Sum of the density less 1, with a sign that alternates with the parity of x + y + z: nonzero when the
+    /// sublattices of even and of odd cells decouple.
     pub checkerboard: f64,
 }
 
@@ -28,7 +29,7 @@ const PARTIAL_SUMS: usize = 8;
 #[derive(Debug)]
 pub(super) struct SnapshotTarget<'a> {
     pub grid: &'a SnapshotLayout,
-    /// m/s of one cell per step.
+    /// Speed of one cell per step, m/s.
     pub speed_unit: f32,
     /// Values of the grid's cells, halo included: velocity, m/s, and density less 1.
     pub values: &'a mut [[f32; 4]],
@@ -52,7 +53,7 @@ impl<'a> SnapshotTarget<'a> {
 }
 
 impl SnapshotPlane<'_> {
-    /// Fills the halo rows, when all others are written.
+    /// Fills the halo rows, after all other rows are written.
     pub(super) fn fill_halo_rows(&mut self) {
         let row = self.grid.n[0] + 2;
         for y in [0, self.grid.n[1] + 1] {

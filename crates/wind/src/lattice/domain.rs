@@ -92,9 +92,9 @@ impl Domain {
         self.cuts.is_cut(self.grid.cell_index(x), i) || far.is_some_and(|far| self.cuts.is_cut(far, opposite(i)))
     }
 
-    /// From where the population comes that arrives at the fluid cell `x` in direction `i`. A surface that cuts its way comes
-    /// first; conditions of faces take precedence in the order wall, periodic, slip, open; what is still outside, solid or cut
-    /// then bounces back.
+    /// From where the population comes that arrives at the fluid cell `x` in direction `i`. A surface that cuts its
+    /// link takes precedence, then the conditions of faces in the order wall, periodic, slip, open. A population whose
+    /// source is then still outside, solid or behind a cut bounces back.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn population_source(&self, x: [usize; 3], i: usize) -> PopulationSource {
         // Streaming: the population that arrives in direction i was at x - c_i. Whatever lies there decides.
@@ -112,7 +112,7 @@ impl Domain {
         });
         if let Some(velocity) = walls.next() {
             let moves = velocity.iter().any(|v| v.abs() > 0.0);
-            // In an edge of a moving and a resting wall both count as resting: else mass would leak.
+            // At an edge between a moving and a resting wall both count as resting, because mass would leak otherwise.
             let is_wall = |f: &&usize| matches!(self.faces[**f], FaceCondition::Wall(_));
             let alone = outside.iter().flatten().filter(is_wall).count() == 1;
             return if moves && alone {
@@ -133,9 +133,9 @@ impl Domain {
         if self.faces_outside_of(node).iter().flatten().any(|f| self.faces[*f].is_open()) {
             return PopulationSource::Ghost { direction, position: node };
         }
-        // Inside: plain streaming, or the mirrored or wrapped cell. A solid there means halfway bounce-back: the wall lies
-        // midway, and the population returns to the cell it left, in the opposite direction. So does one whose first half of the
-        // way is cut.
+        // Inside: plain streaming, or the mirrored or wrapped cell. A solid there means halfway bounce-back: the wall
+        // lies midway, and the population returns to the cell it left, in the opposite direction. The same holds if the
+        // first half of its link is cut.
         let is_free = |cell: [usize; 3]| {
             let c = self.grid.cell_index(cell);
             !self.solid[c] && !self.cuts.is_cut(c, direction)

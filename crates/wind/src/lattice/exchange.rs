@@ -39,7 +39,7 @@ pub(super) struct SpanCopy {
     pub span: StridedNodes,
     /// Index of the first in the buffer.
     pub buffer_index: u32,
-    /// Added to each as it is gathered: the momentum of a moving wall, 6 w_i c_i.u.
+    /// Momentum of a moving wall, 6 w_i c_i.u, that is added to each population when it is gathered.
     pub wall_momentum: f32,
 }
 
@@ -59,10 +59,10 @@ pub(super) struct PlaneBoundaryRanges {
     pub ghost_scatter: Range<usize>,
     pub ghost_halo: Range<usize>,
     pub gather: Range<usize>,
-    /// Its part of the buffer that `gather` fills.
+    /// The plane's part of the buffer that `gather` fills.
     pub buffer: Range<usize>,
     pub open_spans: Range<usize>,
-    /// Its part of the open cells: first the columns at the ends of rows, then `open_spans`.
+    /// The plane's part of the open cells: first the columns at the ends of rows, then `open_spans`.
     pub open_cells: Range<usize>,
     /// Number of the first open cell of the column at either end of the rows, if the face there is open.
     pub columns: [Option<usize>; 2],
@@ -73,17 +73,19 @@ pub(super) struct PlaneBoundaryRanges {
 pub(super) struct ExchangeLists {
     pub grid: LatticeGrid,
     pub planes: Vec<PlaneBoundaryRanges>,
-    /// From the buffer of the step before to slots, and to the row halo.
+    /// Copies from the buffer of the previous step to slots.
     pub scatter: Vec<SpanCopy>,
+    /// Copies from the buffer of the previous step to the row halo.
     pub halo: Vec<RowHaloCopy>,
-    /// The same from the buffer of ghost populations.
+    /// Copies from the buffer of ghost populations to slots.
     pub ghost_scatter: Vec<SpanCopy>,
+    /// Copies from the buffer of ghost populations to the row halo.
     pub ghost_halo: Vec<RowHaloCopy>,
     /// From slots to the buffer: populations that the step has sent towards boundaries.
     pub gather: Vec<SpanCopy>,
     /// Open cells that are not in columns at the ends of rows.
     pub open_spans: Vec<StridedNodes>,
-    /// Outlets pass on the non-equilibrium part, for which populations of open cells are kept.
+    /// Whether outlets pass on the non-equilibrium part; if so, the populations of open cells are kept.
     pub nonequilibrium: bool,
 }
 
@@ -99,7 +101,7 @@ pub(super) struct ExchangeBuffers {
 pub(super) struct OpenCellMoments {
     /// Density less 1, and velocity by component, cells per step.
     pub moments: [Vec<f32>; 4],
-    /// Their populations, if the outlets pass on the non-equilibrium part; else empty.
+    /// Populations of the open cells, if the outlets pass on the non-equilibrium part; else empty.
     pub populations: Vec<[f32; Q]>,
 }
 
@@ -119,8 +121,8 @@ pub(super) struct BoundaryExchange {
     /// Mean outward velocity before each outlet, cells per step, taken ahead of the last even step. It serves two steps,
     /// so that these can share a pass.
     pub mean_outward_velocities: [f32; 6],
-    /// By plane, square of the highest speed in the step before, cells per step, what solid cells hold included; infinite
-    /// if unknown. It selects the kernel with or without speed limit, which does not change results.
+    /// Per plane: square of the highest speed in the previous step, cells per step, with the values of solid cells
+    /// included; infinite if unknown. It selects the kernel with or without speed limit, which does not change results.
     pub max_speed_squared: Vec<f32>,
 }
 
@@ -166,7 +168,7 @@ pub(super) struct ExchangeOutput<'a> {
 #[derive(Debug)]
 pub(super) struct PlaneSlices<'a> {
     pub arrays: Vec<&'a mut [f32]>,
-    /// The first plane, the halo plane -1 counted as 0.
+    /// Number of the first plane; the halo plane -1 has number 0.
     pub first_plane: usize,
 }
 
@@ -246,7 +248,7 @@ impl IncomingPopulations<'_> {
         }
     }
 
-    /// Gathers what the plane `z` leaves to boundaries, after its step.
+    /// Gathers the populations of the plane `z` that the next step's boundaries need, after the plane's step.
     pub(super) fn gather_outgoing(
         self,
         planes: &PlaneSlices<'_>,
@@ -296,7 +298,8 @@ impl BoundaryExchange {
         let (lists, previous) = (&self.lists, &mut self.previous);
         let grid = &lists.grid;
         for (z, links) in lists.planes.iter().enumerate() {
-            // As after a step of the other parity: gather what leaves, and take the moments of the open cells.
+            // As after a step of the other parity: gather the outgoing populations, and take the moments of the open
+            // cells.
             let plane = (z + 1) * grid.plane_stride;
             for copy in &lists.gather[links.gather.clone()] {
                 let first = plane + to_usize(copy.span.first);
@@ -334,7 +337,7 @@ impl BoundaryExchange {
         self.mean_outward_velocities.iter().chain(&self.max_speed_squared).chain(cells)
     }
 
-    /// The same, to be restored.
+    /// The values of [`Self::checkpoint_values`], mutable, to restore them.
     pub(super) fn checkpoint_values_mut(&mut self) -> impl Iterator<Item = &mut f32> {
         let open_cells = &mut self.previous.open_cells;
         let cells = open_cells.moments.iter_mut().flatten().chain(open_cells.populations.iter_mut().flatten());
@@ -362,14 +365,15 @@ impl BoundaryExchange {
 }
 
 impl PlaneBoundaryRanges {
-    /// Number of the first open cell of `open_spans`; the columns' come before. `rows`: of the plane.
+    /// Number of the first open cell of `open_spans`, which follow those in columns. `rows`: number of rows of the
+    /// plane.
     pub(super) fn first_open_span_cell(&self, rows: usize) -> usize {
         self.open_cells.start + rows * self.columns.iter().flatten().count()
     }
 }
 
 impl ExchangeBuffers {
-    /// Splits the buffers between ranges of planes, which ascend and may leave some out.
+    /// Splits the buffers between ranges of planes; the ranges ascend, and planes between them may be left out.
     pub(super) fn split_by_planes(
         &mut self,
         lists: &ExchangeLists,
@@ -403,7 +407,7 @@ impl ExchangeBuffers {
     }
 }
 
-/// From the start of the first plane's part to the end of the last one's.
+/// Range of a buffer from the start of the first plane's part to the end of the last plane's part.
 fn range_over_planes(
     planes: &[PlaneBoundaryRanges],
     part: impl Fn(&PlaneBoundaryRanges) -> &Range<usize>,

@@ -127,7 +127,7 @@ impl ExchangeBuilder<'_> {
         }
     }
 
-    /// Adds a link, joined with the last one where both nodes follow at the same stride.
+    /// Adds a link, or extends the last run by it if both of its nodes continue the run at the same stride.
     fn append_or_extend_link(&mut self, one: RunLink) {
         let row = self.domain.grid.row_stride;
         // A run has one pair of directions and one stride for all of its links, and no momentum of a wall.
@@ -245,8 +245,8 @@ impl ExchangeBuilder<'_> {
         })
     }
 
-    /// Sorts ghost nodes by plane and condition, so that alike ones follow each other and form groups. Returns the slots
-    /// in the order of `ghosts`.
+    /// Sorts ghost nodes by plane and condition, so that nodes of the same plane and condition are adjacent and form
+    /// groups. Returns the slots in the order of `ghosts`.
     fn build_open_boundary(&self) -> Result<(OpenBoundary, Vec<GhostSlots>)> {
         let planes = self.domain.grid.n[2];
         let mut order: Vec<usize> = (0..self.ghosts.len()).collect();
@@ -388,7 +388,8 @@ fn extend_range(range: &mut Range<usize>, at: usize, count: usize) {
     range.end += count;
 }
 
-/// Lets empty ranges begin where those of the planes before end, so that ranges of planes can be split in order.
+/// Moves the start of each empty range to the end of the ranges of earlier planes, so that ranges of planes can be
+/// split in order.
 fn position_empty_ranges(planes: &mut [PlaneBoundaryRanges]) {
     let mut ends = [0; 8];
     for p in planes {

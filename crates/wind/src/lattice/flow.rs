@@ -149,7 +149,7 @@ impl FlowState {
         self.compute_plane_moments(&mut planes)
     }
 
-    /// The same, and writes a snapshot.
+    /// As [`Self::diagnose`], and also writes a snapshot.
     pub(super) fn write_snapshot(&self, target: SnapshotTarget<'_>) -> FlowDiagnostics {
         let mut planes: Vec<_> = target.split_planes().into_iter().map(Some).enumerate().collect();
         self.compute_plane_moments(&mut planes)

@@ -18,14 +18,14 @@ const KARMAN: f64 = 0.4;
 /// Wall stress and eddy viscosity over rough ground, and how the outlet sponge varies with height.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct GroundModel {
-    /// Drag coefficient: wall stress over density and the square of the speed in the lowest cells. 0 for ground by
-    /// bounce-back, or none.
+    /// Drag coefficient: wall stress divided by density and by the square of the speed in the lowest cells. 0 for
+    /// bounce-back ground, and without ground.
     pub drag: f32,
     /// Least relaxation time by height, steps, of the cells in the mixing-length layer ([`mixing_layer_cells`]).
     pub min_tau: Vec<f32>,
     /// By height, the share of the outlet sponge's viscosity, 0 to 1; empty for 1 everywhere.
     pub sponge_profile: Vec<f32>,
-    /// What the full sponge adds to the drag coefficient, over the drag coefficient.
+    /// Increase of the drag coefficient in the full sponge, as a multiple of the drag coefficient.
     pub sponge_drag: f32,
 }
 
@@ -53,7 +53,8 @@ impl GroundModel {
         let sponge_profile = (0..cells).map(|y| narrow(profile(y as f64 + 0.5))).collect();
         let sponge_drag = (1.0 - tau).max(0.0) * 4.0 / (3.0 * top * KARMAN * friction).max(f64::MIN_POSITIVE);
         // Momentum flux from the second cells into the lowest, in units of u*^2 (mixing length plus Smagorinsky); nearly 1.
-        // The drag is this flux over the square of the lowest cells' speed, so that the profile is a discrete steady state.
+        // The drag is this flux divided by the square of the lowest cells' speed, so that the profile is a discrete
+        // steady state.
         let [low, second] = [0.5, 1.5].map(|y: f64| ln((y + roughness) / roughness) / KARMAN);
         let slope = second - low;
         let flux = KARMAN * (1.0 + roughness) * (1.0 - 1.0 / layer) * slope + smagorinsky * smagorinsky * slope * slope;
@@ -66,14 +67,14 @@ impl GroundModel {
         self.min_tau.get(y).copied().unwrap_or(tau)
     }
 
-    /// What the full sponge adds to the relaxation time `tau` at height `y`, cells.
+    /// Increase of the relaxation time `tau` in the full sponge at height `y`, cells.
     pub(super) fn sponge_tau(&self, y: usize, tau: f32) -> f32 {
         (1.0 - tau).max(0.0) * self.sponge_profile.get(y).copied().unwrap_or(1.0)
     }
 }
 
-/// Depth of the mixing-length layer above rough ground, cells. It is a length in metres that does not depend on the cells, so
-/// that refining them converges, unless the cells are so large that it would be fewer than the profile needs.
+/// Depth of the mixing-length layer above rough ground, cells. In metres it does not depend on the size of the cells,
+/// so that results converge as the cells are refined; in coarse lattices it is at least [`MIN_MIXING_LENGTH_CELLS`].
 /// `reference_height`, `box_height`: cells.
 fn mixing_layer_cells(reference_height: f64, box_height: f64) -> f64 {
     let layer = (MIXING_LENGTH_PER_REFERENCE_HEIGHT * reference_height).min(MIXING_LENGTH_PER_BOX_HEIGHT * box_height);
@@ -82,7 +83,7 @@ fn mixing_layer_cells(reference_height: f64, box_height: f64) -> f64 {
 
 /// Applies the wall stress drag rho u |u| to populations arriving at the lowest cells: the upward diagonals, which were
 /// reflected from the ground, lose the momentum. Density stays.
-/// `drag`: as [`GroundModel::drag`]; `sponge_drag`: what the sponge adds, over the drag.
+/// `drag`: as [`GroundModel::drag`]; `sponge_drag`: increase by the sponge, as a multiple of `drag`.
 #[inline(always)]
 pub(super) fn apply_wall_stress<L: Lane>(g: &mut [L; Q], drag: L, sponge_drag: L) {
     // The four upward diagonals change by share (u_x +- u_z) with the signs below: density and c_y momentum stay, and

@@ -22,9 +22,9 @@ use osier_scene::solid::LandForm;
 /// Factor on the mean speed as a function of the height above the ground.
 #[derive(Debug, Clone, PartialEq)]
 pub enum WindProfile {
-    /// Logarithmic law ln((y + z0)/z0), over its value at the reference height; roughness length z0, m.
+    /// Logarithmic law ln((y + z0)/z0), divided by its value at the reference height; roughness length z0, m.
     Log(f64),
-    /// Power law: height over reference height, to this exponent.
+    /// Power law: (height / reference height) to this exponent.
     Power(f64),
     /// The same speed at all heights.
     Uniform,
@@ -49,11 +49,11 @@ pub struct InletOptions {
     pub profile: WindProfile,
     /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is lower.
     pub reference_height: Option<f64>,
-    /// Standard deviation of gusts over the mean speed.
+    /// Standard deviation of gusts divided by the mean speed.
     pub gust_strength: f64,
     /// Correlation time of gusts, s.
     pub gust_period: f64,
-    /// Turbulence intensity: standard deviation of each component over the mean speed.
+    /// Turbulence intensity: standard deviation of each component divided by the mean speed.
     pub turbulence: f64,
     /// Longest wavelength of the turbulence, m; none for twice the reference height, at most the height of the box.
     pub turbulence_length: Option<f64>,
@@ -66,7 +66,7 @@ pub struct InletOptions {
 /// Most values of the gust process that are kept: some hours of short gusts.
 const MOST_GUST_VALUES: usize = 1 << 20;
 
-/// Inlet nodes for which all modes are summed before the next: their velocities stay in the L1 cache.
+/// Number of inlet nodes for which all modes are summed before the next nodes: their velocities stay in the L1 cache.
 const NODE_BLOCK: usize = 1024;
 
 /// One Fourier mode of the turbulence: e cos(k . x + phase).
@@ -105,11 +105,12 @@ pub struct InletWind {
     reference_height: f64,
     /// Longest wavelength of the turbulence, m.
     turbulence_length: f64,
-    /// Modes that the cells carry, and which share they are of the root mean square of all.
+    /// Modes whose wavelengths the cells can carry.
     modes: Vec<FourierMode>,
+    /// As [`InletWind::carried_turbulence`].
     carried_turbulence: f64,
-    /// The gust process by tick, as far as it was asked for. A value takes some hundred draws, and many positions and times ask for
-    /// the same ones. Clones, which have the same process, share it.
+    /// Values of the gust process by tick, computed on demand. A value takes some hundred draws, and many positions and
+    /// times ask for the same ones. Clones, which have the same process, share it.
     gusts: Arc<RwLock<BTreeMap<i64, f64>>>,
 }
 
@@ -121,7 +122,7 @@ pub(super) struct InletState {
     gust: f64,
     /// Distance that the mean wind has carried the air since 0 s, m.
     displacement: DVec3,
-    /// Mean speed of the speed curve over the largest one.
+    /// Value of the speed curve divided by its maximum; 1 without a curve.
     speed_factor: f64,
 }
 
@@ -152,19 +153,20 @@ impl InletWind {
         self.turbulence_length
     }
 
-    /// Root mean square of the turbulence that the cells carry, over that of the whole, 0 to 1: waves shorter than six cells are
-    /// left out.
+    /// Root mean square of the turbulence that the cells carry, divided by that of all turbulence, 0 to 1: waves
+    /// shorter than six cells are left out.
     pub fn carried_turbulence(&self) -> f64 {
         self.carried_turbulence
     }
 
-    /// The same inflow over hills, above which its profile begins.
+    /// The same inflow over terrain, from whose surface the heights of the profile count.
     #[must_use]
     pub fn over_land(self, land: Option<Arc<LandForm>>) -> Self {
         Self { land, ..self }
     }
 
-    /// Height of the ground at a position, over the bottom of the box, m: that of a land above it, else 0.
+    /// Height of the ground at a position above the bottom of the box, m; 0 without terrain, and where terrain is
+    /// lower.
     fn ground_height(&self, position: DVec3) -> f64 {
         self.land.as_ref().map_or(0.0, |land| {
             let [x, z] = [position.x, position.z].map(narrow);
@@ -176,10 +178,10 @@ impl InletWind {
         position.y - self.origin.y - self.ground_height(position)
     }
 
-    /// Mean speed at a height above the ground, m, over the one at the reference height.
+    /// Mean speed at a height above the ground, m, divided by that at the reference height.
     pub fn profile(&self, height: f64) -> f64 {
         let y = height.max(0.0);
-        // Relative to the reference height, so that `speed` is the speed there whatever the profile.
+        // Divide by the value at the reference height, so that `speed` is the speed there whatever the profile.
         match &self.options.profile {
             WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference_height + z0) / z0),
             WindProfile::Power(a) => pow(y / self.reference_height, *a),
@@ -188,7 +190,8 @@ impl InletWind {
         }
     }
 
-    /// Derivative of [`InletWind::profile`], 1/m, by a central difference of a quarter cell; 0 where that would leave the air.
+    /// Derivative of [`InletWind::profile`], 1/m, by a central difference of a quarter cell; 0 where that would reach
+    /// below the ground.
     fn profile_slope(&self, height: f64) -> f64 {
         let step = self.spacing / 8.0;
         if height < step {
@@ -197,7 +200,8 @@ impl InletWind {
         (self.profile(height + step) - self.profile(height - step)) / (2.0 * step)
     }
 
-    /// Shear coefficient of the mean wind at a height above the ground, m, in m/s: [`shear_coefficient`] times spacing over time step.
+    /// Shear coefficient of the mean wind at a height above the ground, m, in m/s: [`shear_coefficient`] times spacing
+    /// / time step.
     /// `tau`: relaxation time there, steps.
     pub(super) fn mean_shear_coefficient(&self, tau: f64, height: f64) -> f64 {
         shear_coefficient(tau, self.options.speed * self.profile_slope(height) * self.spacing)
@@ -220,7 +224,7 @@ impl InletWind {
 
     /// Largest speed of mean and gusts up to a height above the ground, m, in m/s; turbulence comes on top.
     pub fn peak_speed(&self, height: f64) -> f64 {
-        // The profile at equidistant heights, and at the rows of a table, between which it may peak.
+        // Sample the profile at equidistant heights, and at the rows of a table, which may peak between these heights.
         let steps = 64;
         let fastest = (0..=steps).map(|i| self.profile(height * f64::from(i) / f64::from(steps))).fold(0.0, f64::max);
         let rows: &[[f64; 2]] = if let WindProfile::Table(rows) = &self.options.profile { rows } else { &[] };
@@ -228,7 +232,7 @@ impl InletWind {
         self.options.speed * fastest * (1.0 + MAX_GUST * self.options.gust_strength)
     }
 
-    /// Mean speed of the speed curve at time `t`, s, over the largest one.
+    /// Value of the speed curve at time `t`, s, divided by its maximum; 1 without a curve.
     pub(super) fn speed_factor(&self, t: f64) -> f64 {
         if self.options.speed_curve.is_empty() {
             1.0
@@ -249,8 +253,8 @@ impl InletWind {
         if t < 0.0 { -sum } else { sum }
     }
 
-    /// The same between two times, s, between which speed and angle are linear, by the composite Simpson's rule with at most
-    /// [`TURN_PER_INTERVAL`] of turn per interval.
+    /// Displacement between two times, s, as in [`Self::mean_displacement`], while speed and angle are linear, by the
+    /// composite Simpson's rule with at most [`TURN_PER_INTERVAL`] of turn per interval.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred intervals")]
     fn integrate_displacement(&self, from: f64, to: f64) -> DVec3 {
         let velocity = |t: f64| self.direction(t) * (self.options.speed * self.speed_factor(t));
@@ -408,8 +412,8 @@ pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
 }
 
 /// Draws the modes of isotropic turbulence whose spectrum falls as in the inertial range, down from wavelengths of `longest` m.
-/// Which modes there are does not depend on the cells; those too short for cells of `spacing` m are left out. Also returns which
-/// share of the root mean square is left. `size`: of the box, m.
+/// The set of modes does not depend on the size of the cells; modes too short for cells of `spacing` m are then left
+/// out. Also returns the root mean square of the remaining modes divided by that of all. `size`: of the box, m.
 fn fourier_modes(
     options: &InletOptions,
     longest: f64,
@@ -628,7 +632,7 @@ impl WithSimd for InletVelocityKernel<'_> {
 /// sum += c cosine + s sine, element by element.
 #[inline(always)]
 fn accumulate_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
-    // Whole registers, then the remaining elements one by one with the same operations.
+    // Process whole registers, then the remaining elements one by one with the same operations.
     let (lanes, rest) = S::as_mut_simd_f32s(sum);
     let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
     let (c_all, s_all) = (F32Lanes::from_scalar(simd, c), F32Lanes::from_scalar(simd, s));

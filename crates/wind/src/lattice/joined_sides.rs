@@ -56,14 +56,15 @@ struct BoxSide {
     high: DVec3,
 }
 
-/// Whether part of a side is inside of a solid with these triangles: one of them cuts the side, or all of the side is inside.
+/// Whether a solid with these triangles contains part of a side: a triangle cuts the side, or the whole side lies
+/// inside the solid.
 fn fills_part_of_side(solid: &Solid, triangles: &[[Vec3; 3]], side: &BoxSide) -> bool {
     let mut middle = (side.low + side.high) / 2.0;
     middle[side.axis] = side.at;
     triangles.iter().any(|triangle| cuts_side(triangle.map(|p| p.as_dvec3()), side)) || solid.contains(middle.as_vec3())
 }
 
-/// Whether a triangle cuts a side; what only touches its edges does not.
+/// Whether a triangle cuts a side; a triangle that only touches the side's edges does not.
 fn cuts_side(corners: [DVec3; 3], side: &BoxSide) -> bool {
     let axis = side.axis;
     let on_plane = |i: usize| {

@@ -58,7 +58,7 @@ impl LatticeMemory {
             .fold(0, |sum, b| sum.saturating_add(*b))
     }
 
-    /// Refuses a lattice whose estimate exceeds the memory limit.
+    /// Fails for a lattice whose estimate exceeds the memory limit.
     /// # Errors
     /// `Limit`, which names cells and spacing.
     pub(super) fn check_limit(&self, options: &LatticeOptions, limits: &Limits) -> Result<()> {

@@ -1,10 +1,10 @@
 //! Wind on a lattice: a D3Q15 lattice Boltzmann solver with solids, rough ground and open boundaries.
 //!
-//! From the bottom up: `stencil` and `collide` are the arithmetic of one cell, `grid` its memory, `domain` the
-//! boundary conditions, `cells` where the cells are in the world, and `cut_links` the links that surfaces cut. `exchange`
-//! moves populations across boundaries, `plane_step` advances one plane, `stepper` all planes on all threads, `flow` holds
-//! the state, and `solver` turns options and solids into a [`WindSnapshot`] per frame. `reference` (tests only) is the same scheme without any of the memory layout; `validation` compares both
-//! with flows of known solution.
+//! From the bottom up: `stencil` and `collide` are the arithmetic of one cell, `grid` its memory, `domain` the boundary
+//! conditions, `cells` where the cells are in the world, and `cut_links` the links that surfaces cut. `exchange` moves
+//! populations across boundaries, `plane_step` advances one plane, `stepper` all planes on all threads, `flow` holds
+//! the state, and `solver` turns options and solids into a [`WindSnapshot`] per frame. `reference` (tests only) is the
+//! same scheme without any of the memory layout; `validation` compares both with flows of known solution.
 
 mod blockage;
 mod cells;

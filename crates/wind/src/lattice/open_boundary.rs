@@ -15,7 +15,7 @@ use osier_base::Result;
 use osier_base::convert::{index, to_usize};
 use osier_base::simd::{F32Lanes, Lane};
 
-/// Ghost nodes per run, at most: what a run sends lies in the nearest cache.
+/// Maximum number of ghost nodes per run, so that the populations that a run sends fit into the L1 cache.
 const MAX_RUN_NODES: usize = 512;
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
@@ -90,7 +90,8 @@ impl<L: Lane> GhostState<L> {
         }
     }
 
-    /// The population it sends in direction `i`. `cell_population`: what left the cell before it in that direction.
+    /// The population that the ghost node sends in direction `i`. `cell_population`: the one that left the cell before
+    /// it in that direction.
     #[inline(always)]
     pub(super) fn population_sent(&self, i: usize, cell_population: L) -> L {
         let sent = equilibrium(i, self.drho, self.velocity);
@@ -109,22 +110,23 @@ impl<L: Lane> GhostState<L> {
 struct GhostRun {
     first: usize,
     count: usize,
-    /// Directions in which any of them sends.
+    /// Directions in which at least one of the nodes sends.
     directions: u16,
     /// Outward normal; none for an inlet.
     outward: Option<[i8; 3]>,
     before_solid: bool,
-    /// Number of the first among all inlet nodes.
+    /// Index of the run's first node among all inlet nodes.
     first_inlet: usize,
-    /// Open cell of the first, if those of the others follow one by one.
+    /// Open cell of the run's first node, if the open cells of the others follow one by one.
     first_open_cell: Option<u32>,
 }
 
 /// Where the populations of a ghost node lie in the buffer of ghost populations.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct GhostSlots {
-    /// Index of the first direction, and from one direction to the next.
+    /// Index of the node's population in its first direction.
     first: usize,
+    /// Distance from the population of one direction to that of the next.
     stride: usize,
     directions: u16,
 }
@@ -149,11 +151,11 @@ pub(super) struct OpenBoundary {
     ghosts: Vec<GhostNode>,
     runs: Vec<GhostRun>,
     planes: Vec<PlaneGhostRanges>,
-    /// By face, if it is an outlet: the open cells before it.
+    /// Per face that is an outlet: the open cells before it.
     outlet_cells: [Vec<u32>; 6],
 }
 
-/// What ghost nodes are computed from in a step.
+/// Inputs of the ghost nodes in one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GhostInputs<'a> {
     /// Density less 1 and velocity by component of the open cells from `first_cell` on.
@@ -179,11 +181,13 @@ impl GhostNode {
 }
 
 impl OpenBoundary {
-    /// `ghosts`: by plane, nodes with the same condition side by side. Also returns where each one's populations go.
+    /// `ghosts`: nodes by plane, with nodes of the same condition adjacent. Also returns the slots of each node's
+    /// populations.
     /// # Errors
     /// `Limit` for more nodes than an index of 32 bits counts.
     pub(super) fn new(ghosts: Vec<GhostNode>, planes: usize) -> Result<(Self, Vec<GhostSlots>)> {
-        // Join alike neighbours to runs, which are evaluated in SIMD lanes where their open cells are contiguous.
+        // Join adjacent nodes of the same condition to runs, which are evaluated in SIMD lanes if their open cells are
+        // contiguous.
         let mut runs: Vec<GhostRun> = Vec::new();
         let mut outlet_cells: [Vec<u32>; 6] = std::array::from_fn(|_| Vec::new());
         let (mut inlets, mut last) = (0, None);
@@ -291,7 +295,7 @@ impl GhostRun {
         }
     }
 
-    /// In SIMD lanes, for contiguous open cells.
+    /// Computes the populations in SIMD lanes, for contiguous open cells.
     #[inline(always)]
     fn compute_populations_simd<S: Simd>(&self, simd: S, open_cell: usize, state: GhostInputs<'_>, out: &mut [f32]) {
         let load = |from: &[f32]| F32Lanes::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
@@ -333,7 +337,8 @@ impl GhostRun {
         }
     }
 
-    /// One node after another, for short runs, scattered open cells, and outlets with a non-equilibrium part.
+    /// Computes the populations node by node, for short runs, scattered open cells, and outlets with a non-equilibrium
+    /// part.
     fn compute_populations_scalar(&self, ghosts: &[GhostNode], state: GhostInputs<'_>, out: &mut [f32]) {
         let populations = state.populations.filter(|_| !self.before_solid);
         for (k, ghost) in ghosts.iter().enumerate() {

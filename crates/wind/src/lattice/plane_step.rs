@@ -67,7 +67,7 @@ pub(super) struct PlaneStep<'a> {
     pub domain: &'a Domain,
     pub input: IncomingPopulations<'a>,
     pub z: usize,
-    /// The step is the one a snapshot is taken of, if one is.
+    /// Whether this is the last step of the pass, of whose moments a snapshot is written if one is due.
     pub last: bool,
 }
 
@@ -89,7 +89,7 @@ macro_rules! bind_arrays {
 }
 
 impl PlaneStep<'_> {
-    /// Computes the step. `max_speed_squared`: of the plane in the step before; it is replaced by that of this step.
+    /// Computes the step. `max_speed_squared`: that of the plane in the previous step; replaced by that of this step.
     /// Returns the number of clamped cells.
     #[inline(always)]
     pub(super) fn scatter_collide_gather<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
@@ -226,7 +226,7 @@ impl PlaneStep<'_> {
                     (x[b], y[b], z[b], drho[b]) =
                         (result.u[0].value, result.u[1].value, result.u[2].value, result.drho.value);
                 }
-                // Moments of open cells in columns at the ends of rows.
+                // Store the moments of open cells in columns at the ends of rows.
                 if b == next_end {
                     while next_end == b {
                         self.store_row_end_moments(tables.row_ends[next], &result, output);
@@ -313,7 +313,7 @@ fn load_lanes<S: Simd>(simd: S, from: &[f32], at: usize) -> F32Lanes<S> {
     F32Lanes::new(simd, S::as_simd_f32s(&from[at..at + S::F32_LANES]).0[0])
 }
 
-/// The lanes of a register, in the first elements.
+/// Copies the lanes of a register to the first elements of an array.
 #[inline(always)]
 fn lanes_to_array<S: Simd>(value: F32Lanes<S>) -> [f32; BLOCK] {
     let mut numbers = [0.0; BLOCK];

@@ -39,7 +39,8 @@ pub struct RecordingOptions {
 }
 
 impl RecordingOptions {
-    /// Frames before the first of a loop of `frames` frames, from which its end fades into its beginning.
+    /// Number of frames to record before the first frame of a loop of `frames` frames; the loop's end cross-fades into
+    /// them.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the frames of two seconds")]
     pub fn loop_lead(frames: usize, fps: f64) -> u32 {
         let fade = (LOOP_FADE * fps).ceil() as u32;
@@ -59,7 +60,7 @@ impl RecordingOptions {
         self.bytes_of(values)
     }
 
-    /// Bytes of the recorded frames and of their mean. `values`: velocities of one of them.
+    /// Bytes of the recorded frames and of their mean. `values`: number of velocities per frame.
     fn bytes_of(&self, values: u64) -> u64 {
         (self.frame_count() + 1).saturating_mul(values).saturating_mul(BYTES_PER_VELOCITY)
     }
@@ -70,13 +71,13 @@ impl RecordingOptions {
 pub struct RecordedWind {
     grid: SnapshotLayout,
     frames: Vec<Vec<[f32; 3]>>,
-    /// Mean of the frames from time 0 on, at the largest speed of the speed curve; empty if the wind turns, so that its wakes move,
-    /// or if the clip is a lull.
+    /// Mean of the frames from time 0 on, at the largest speed of the speed curve; empty if the wind turns, so that its
+    /// wakes move, or if the mean of the speed curve is near 0.
     mean: Vec<[f32; 3]>,
     /// Statistics of the solver at each frame.
     stats: Vec<LatticeStats>,
     fps: f64,
-    /// Frames recorded before time 0; in a loop those from which its end fades into its beginning.
+    /// Number of frames recorded before time 0; a loop's end cross-fades into them.
     lead: usize,
     period: Option<f64>,
     inlet: Arc<InletWind>,
@@ -85,7 +86,7 @@ pub struct RecordedWind {
 impl RecordedWind {
     /// Runs a solver that has done no frame through a clip and keeps the velocities of a region.
     /// # Errors
-    /// `Limit` if the recording would take more than `wind-bytes`; those of [`LatticeSolver::advance`].
+    /// `Limit` if the recording would take more than `wind-bytes`; the errors of [`LatticeSolver::advance`].
     pub fn record(
         lattice: &mut LatticeSolver,
         options: RecordingOptions,
@@ -160,8 +161,8 @@ impl RecordedWind {
     }
 }
 
-/// Mean of the velocities of frames, the first of which is that of time 0, over the mean factor of the inflow's speed curve; empty
-/// as [`RecordedWind::mean`]. A loop counts without its fade into the frames before time 0.
+/// Mean velocity of each cell divided by the mean factor of the inflow's speed curve. `frames[0]` is at time 0; the cross-fade at
+/// the end of a loop is not applied. Empty if the direction of the inflow varies or its mean factor is near 0.
 fn mean_velocities(frames: &[Vec<[f32; 3]>], fps: f64, inlet: &InletWind) -> Vec<[f32; 3]> {
     let factors: f64 = (0..frames.len()).map(|k| inlet.speed_factor(k as f64 / fps)).sum();
     let has_mean = !inlet.direction_varies() && factors > MIN_MEAN_SPEED * frames.len() as f64;
@@ -205,7 +206,7 @@ impl Wind for RecordedWind {
         self.inlet.mean()
     }
 
-    /// That of the recorded clip: in the wake of a wall the air is slower than in the inflow, or flows back.
+    /// Mean of the recorded clip: in the wake of a wall the air is slower than in the inflow, or flows back.
     fn mean_at(&self, position: Vec3) -> Vec3 {
         self.mean_of_clip(position).unwrap_or_else(|| self.inlet.mean_at(position))
     }

@@ -67,7 +67,7 @@ pub struct LatticeOptions {
     pub sponge_cells: Option<u32>,
     /// Spin-up time before the first snapshot, s; none for one flow through the box, two with open sides.
     pub spin_up: Option<f64>,
-    /// Snapshots before time 0, from which gusts and the curves of speed and direction count.
+    /// Number of snapshots before time 0, the time from which gusts and the curves of speed and direction count.
     pub lead_frames: u32,
 }
 
@@ -162,7 +162,7 @@ fn range_error(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -
 pub enum LatticeFault {
     /// Too few time steps: the wind would cross too many cells in one.
     TimeSteps {
-        /// Those asked for, per frame.
+        /// Requested number per frame.
         steps: u32,
         /// Least number per frame.
         needed: f64,
@@ -250,7 +250,8 @@ impl LatticeSetup {
             GroundCondition::Smooth => GroundModel::default(),
         };
         let spin_up = spin_up_steps(options, dt, size, n, along);
-        // The default of the spin-up is no part of the options, and a state of another spin-up has other gusts.
+        // Include the spin-up steps: their default is not part of the options, and after another spin-up the gusts
+        // differ.
         let fingerprint = rng::child(options_hash(options), spin_up);
         let (spacing, fps, lead_frames) = (options.spacing, options.fps, options.lead_frames);
         let sponge = options.sponge_cells.map_or_else(|| default_sponge_depth(n[along], spacing), f64::from);
@@ -259,7 +260,7 @@ impl LatticeSetup {
         Ok((setup, warnings))
     }
 
-    /// Time of a snapshot, s; snapshots count from the first one, whole numbers or parts of them.
+    /// Time of a snapshot, s. `snapshot`: index counted from the first snapshot; may be fractional.
     pub(super) fn snapshot_time(&self, snapshot: f64) -> f64 {
         (snapshot - f64::from(self.lead_frames)) / self.fps
     }
@@ -284,7 +285,7 @@ impl LatticeSetup {
         f64::from(self.ground.min_tau_at(y, narrow(self.tau)))
     }
 
-    /// Kinematic viscosity of the lattice, m^2/s: with the least relaxation time far above that of air.
+    /// Kinematic viscosity of the lattice, m^2/s; at the least relaxation time it is far above that of air.
     pub(super) fn viscosity(&self) -> f64 {
         (self.tau - 0.5) * self.spacing * self.spacing / (3.0 * self.dt)
     }
@@ -404,7 +405,8 @@ fn warn_of_unresolved_turbulence(inlet: &InletWind, spacing: f64) -> Option<Latt
     (carried < MIN_CARRIED_TURBULENCE).then_some(LatticeWarning { code: "S033", text })
 }
 
-/// Steps per frame: those asked for, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells per step.
+/// Steps per frame: the requested number, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells
+/// per step.
 /// `peak`: largest speed of the inflow, m/s.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
 fn steps_per_frame(

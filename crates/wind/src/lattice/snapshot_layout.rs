@@ -131,7 +131,7 @@ impl SnapshotLayout {
         (part, low)
     }
 
-    /// Index here of the value `k` of a part that begins at the cell `low`.
+    /// Index in this layout of the value `k` of a cropped layout `part` whose lowest cell is `low`.
     pub(super) fn index_in_uncropped(&self, part: &Self, low: [usize; 3], k: usize) -> usize {
         let (at, strides) = (part.coordinates(k), self.strides());
         (0..3).map(|a| (at[a] + low[a]) * strides[a]).sum()
@@ -163,7 +163,7 @@ impl SnapshotLayout {
         })
     }
 
-    /// Fills the halo planes of a snapshot's values, when all others are written.
+    /// Fills the halo planes of a snapshot's values, after all other values are written.
     pub(super) fn fill_halo_planes(&self, values: &mut [[f32; 4]]) {
         let size = self.strides()[2];
         for z in [0, self.n[2] + 1] {
@@ -241,9 +241,10 @@ impl SnapshotLayout {
         if total > 0.0 { sum / total * (nearest * 2.0).min(1.0) } else { Vec3::ZERO }
     }
 
-    /// The same where a surface may pass between the cells: the mean over the air cells whose centres are seen from the point,
-    /// times the distance to the nearest surface, which rises from 0 to 1 over half a cell. `place`: the point, in cells from the
-    /// lowest corner; `base`: coordinates of the lowest of the eight cells, counted from the halo.
+    /// Trilinear interpolation where a surface may pass between the cells: the mean over the air cells whose centres
+    /// are visible from the point, times the distance to the nearest surface, which rises from 0 to 1 over half a cell.
+    /// `place`: the point, in cells from the lowest corner; `base`: coordinates of the lowest of the eight cells,
+    /// counted from the halo.
     fn interpolate_beside_walls(
         &self,
         place: DVec3,
@@ -266,7 +267,7 @@ impl SnapshotLayout {
             if weight <= 0.0 || self.solid[k] {
                 continue;
             }
-            // Halo cells stand for others, to which the way within the box counts.
+            // Clamp the centre of a halo cell to the box: only the part of the line of sight within the box counts.
             let center = |a: usize| (base[a] + (c >> a & 1)) as f64 - 0.5;
             let center = DVec3::from_array(std::array::from_fn(|a| center(a).clamp(0.0, self.n[a] as f64)));
             if !self.solids.meets([at, in_world(center)], 0.0) {

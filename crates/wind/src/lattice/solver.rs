@@ -37,7 +37,7 @@ use osier_scene::solid::{Form, Solid};
 
 /// Snapshots whose memory is reused: the two that a wind is interpolated between, and the next.
 const REUSED_SNAPSHOTS: usize = 3;
-/// Bytes of a checkpoint before its numbers.
+/// Length of a checkpoint's header, bytes.
 const CHECKPOINT_HEADER: usize = 24;
 
 /// Lattice Boltzmann solver of the wind in a box: spins up, then yields a snapshot per frame.
@@ -70,8 +70,8 @@ pub struct LatticeSolver {
 }
 
 impl LatticeSolver {
-    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options and the surfaces of the solids; no cells are
-    /// made.
+    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options and the surfaces of the solids,
+    /// without allocating any cells.
     /// # Errors
     /// As [`LatticeSolver::new`].
     pub fn check_options(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Vec<LatticeWarning>> {
@@ -189,7 +189,7 @@ impl LatticeSolver {
         self.setup.steps
     }
 
-    /// Kinematic viscosity without eddies that the least relaxation time allows, m^2/s.
+    /// Kinematic viscosity without eddies, m^2/s, as raised by the least relaxation time.
     pub fn effective_viscosity(&self) -> f64 {
         self.setup.viscosity()
     }
@@ -236,7 +236,7 @@ impl LatticeSolver {
         if let Some(old) = free.and_then(|k| self.past.remove(k)).and_then(|old| Arc::try_unwrap(old).ok()) {
             return old.values;
         }
-        // A caller who holds more snapshots keeps them.
+        // Drop the oldest snapshots; a caller that still holds them keeps them alive.
         while self.past.len() >= REUSED_SNAPSHOTS {
             self.past.pop_front();
         }
@@ -333,7 +333,7 @@ impl LatticeSolver {
         now
     }
 
-    /// Sets the conditions that the faces have on the way to a frame, if the wind turns.
+    /// Sets the conditions of the faces for the interval that leads to a frame, if the wind turns.
     fn update_faces(&mut self, frame: u64) -> Result<()> {
         let Some(options) = &self.turning else { return Ok(()) };
         // Half a frame earlier: the conditions in the middle of the interval that leads to the frame.
@@ -456,7 +456,7 @@ impl LatticeSolver {
         Ok(())
     }
 
-    /// Bytes of memory that it holds, without snapshots.
+    /// Bytes of memory that the solver holds, without snapshots.
     pub fn memory_bytes(&self) -> u64 {
         LatticeGrid::population_bytes(self.setup.n)
             + self.flow.exchange.memory_bytes() as u64
@@ -465,7 +465,7 @@ impl LatticeSolver {
     }
 }
 
-/// Refuses a wind that has hardly any way past the solids. `blocked`: share of rows of cells that they block.
+/// Fails if the solids leave the wind hardly any passage. `blocked`: share of the rows of cells that they block.
 fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
     // The exact search is costly, and has nothing to find while enough rows are free.
     if blocked <= REFUSED_BLOCKAGE {

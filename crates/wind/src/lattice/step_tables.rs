@@ -9,7 +9,7 @@ use super::row_halo::RowEndLanes;
 use osier_base::Result;
 use osier_base::convert::index;
 
-/// Viscosity of the flow, and what changes it by place.
+/// Viscosity of the flow, and what makes it vary in space.
 #[derive(Debug, Clone)]
 pub(super) struct FlowParams {
     /// Relaxation time of the molecular viscosity, steps.
@@ -39,13 +39,13 @@ pub(super) struct StepTables {
     pub(super) params: FlowParams,
     /// Runs of blocks with air, by plane.
     block_ranges: Vec<Vec<AirBlockRange>>,
-    /// Relaxation time where no sponge is in z.
+    /// Relaxation time per node where the plane lies in no sponge along z.
     pub(super) base_tau: Vec<f32>,
     /// What the full sponge adds to the relaxation time.
     pub(super) sponge_tau: Vec<f32>,
     /// Drag coefficient of the ground on the lowest row and the rest of its last block; empty without drag.
     pub(super) drag: Vec<f32>,
-    /// Strength of the sponge in x there.
+    /// Strength of the sponge along x at the nodes of `drag`.
     pub(super) drag_sponge: Vec<f32>,
     /// Blocks with ends of rows, the same in every plane.
     pub(super) row_ends: Vec<RowEndLanes>,
@@ -86,7 +86,8 @@ impl StepTables {
     }
 }
 
-/// Relaxation time at a cell of any plane without a sponge in z: that of the sponge in x, at least that of the ground.
+/// Relaxation time at a cell of a plane that lies in no sponge along z: that of the sponge along x, at least that of
+/// the ground.
 fn tau_without_z_sponge(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
     // A longer relaxation time is a larger viscosity, so the sponge damps what would be reflected at the boundary.
     let (tau, ground) = (params.tau, &params.ground);
@@ -94,7 +95,7 @@ fn tau_without_z_sponge(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
     (tau + sponge * ground.sponge_tau(y, tau)).max(ground.min_tau_at(y, tau))
 }
 
-/// Blocks of the plane `z` that hold air, joined while they are of one kind.
+/// Blocks of the plane `z` that hold air, as ranges of consecutive blocks with equal `variable_tau`.
 fn find_air_blocks(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<AirBlockRange>> {
     let grid = domain.grid;
     let in_sponge = params.sponge[1].get(z).is_some_and(|strength| *strength > 0.0);

@@ -199,7 +199,7 @@ impl StepContext<'_> {
             max_speed_squared,
         } = exchange;
         let chunks: Vec<_> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
-        // Away from the seams; empty in a domain of a single short chunk.
+        // Planes that do not touch a seam; empty in a domain of a single short chunk.
         let inner = |r: &Range<usize>| if r.len() < MIN_CHUNK { r.start..r.start } else { r.start + 1..r.end - 1 };
         let inner: Vec<_> = chunks.iter().map(inner).collect();
         let [ghosts, second_ghosts] = ghost_populations;
@@ -261,8 +261,8 @@ impl StepContext<'_> {
         let seams = bounds.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
         // In a domain with too few planes for two seams, they are one.
         let seams: Vec<_> = if n < MIN_CHUNK { std::iter::once(0..n).collect() } else { seams.collect() };
-        // In a pass of two steps the odd step of the seams reads what the even step has left, else what the previous pass has
-        // left.
+        // The odd step of the seams reads the populations of the even step of the same pass if there is one, otherwise those of the
+        // previous pass.
         let (before, ghosts) = if self.pass_kind() == PassKind::EvenAndOdd {
             (intermediate, &ghost_populations[1])
         } else {
@@ -295,7 +295,7 @@ impl StepContext<'_> {
         })
     }
 
-    /// Scratch of a thread, with those planes of the snapshot that are in a range.
+    /// Scratch memory of a thread, with the snapshot planes that lie in a range of planes.
     fn thread_scratch<'a>(&self, snapshot: &mut SnapshotPlanes<'a>, planes: &Range<usize>) -> ThreadScratch<'a> {
         // Reversed, so that planes are taken from the end in ascending order.
         let mut own: Vec<_> = snapshot.extract_if(.., |(z, _)| planes.contains(z)).collect();
@@ -323,7 +323,7 @@ impl BoundaryInputs<'_> {
     }
 }
 
-/// The parts of some buffers for ranges of planes; none where no buffers are filled.
+/// The parts of some buffers for ranges of planes; `None` for all ranges without buffers.
 fn split_buffers<'a>(
     lists: &ExchangeLists,
     buffers: Option<&'a mut ExchangeBuffers>,
@@ -355,13 +355,15 @@ impl WithSimd for GhostKernel<'_> {
 /// Planes of a thread with the buffers they fill.
 struct Chunk<'a> {
     planes: PlaneSlices<'a>,
-    /// By plane of `even_planes`.
+    /// Square of the highest speed in the previous step, for each plane of `even_planes`.
     max_speed_squared: &'a mut [f32],
-    /// None where the pass does no such step.
+    /// Output of the even step; `None` if the pass has no even step.
     even_output: Option<ExchangeOutput<'a>>,
+    /// Output of the odd step; `None` if the pass has no odd step.
     odd_output: Option<ExchangeOutput<'a>>,
-    /// Ghost populations of the odd step after an even one, and the index of the first in the whole buffer.
+    /// Ghost populations of the odd step after an even one.
     ghosts: &'a mut [f32],
+    /// Index of the first of `ghosts` in the whole buffer.
     first_ghost: usize,
     scratch: ThreadScratch<'a>,
     even_planes: Range<usize>,

@@ -4,11 +4,13 @@
 /// at a height are about as large as the height, and the lattice resolves those of some eight cells. Less: waves of a few
 /// cells above the ground.
 pub(super) const MIN_MIXING_LENGTH_CELLS: f64 = 8.0;
-/// Depth of that layer over the reference height of the wind, for cells small enough: 4 m below 10 m, which is 8 cells of the
-/// default size. A depth in metres keeps the viscosity, and with it the wake of a wall, the same for all smaller cells.
+/// Depth of that layer divided by the reference height of the wind, for cells small enough: 4 m below 10 m, which is 8
+/// cells of the default size. A depth in metres keeps the viscosity, and with it the wake of a wall, the same for all
+/// smaller cells.
 /// More: the wind is damped where it could be resolved; less: the wake of a wall depends on the size of the cells.
 pub(super) const MIXING_LENGTH_PER_REFERENCE_HEIGHT: f64 = 0.4;
-/// Largest depth of that layer over the height of the box, for boxes lower than some 24 m: more would leave nothing resolved.
+/// Largest depth of that layer divided by the height of the box, for boxes lower than some 24 m: more would leave no
+/// resolved eddies.
 pub(super) const MIXING_LENGTH_PER_BOX_HEIGHT: f64 = 1.0 / 6.0;
 
 /// Share of the largest speed of a speed curve that the prescribed mean keeps where the curve is 0: far below any speed that
@@ -42,7 +44,7 @@ pub(super) const RAMP_STEPS: f32 = 100.0;
 
 /// Steps between two checks of every cell. A check costs about one step; a diverging flow is reported at most this late.
 pub(super) const CHECK_INTERVAL: u64 = 64;
-/// Share of fluid cells that may be clamped in one step before the run counts as diverged.
+/// Share of fluid cells that may be clamped in one step; if more are, the run has diverged.
 pub(super) const MAX_CLAMPED_SHARE: f64 = 0.01;
 /// Allowed density; outside, the flow has diverged: dynamic pressure at the clamped speed
 /// of 0.3 cells per step moves it by 0.15 only.
@@ -55,7 +57,7 @@ pub(super) const CHECKERBOARD_WARNING: f64 = 1e-3;
 /// hundred-thousandth of a cell some hundred cells from the origin, so that no link slips between two triangles; far less than a
 /// cell, so that nothing else is touched.
 pub(super) const SURFACE_SLACK: f64 = 1e-3;
-/// Cells between a solid and an open face, fewer of which disturb the face's flow enough for a warning.
+/// Least distance between a solid and an open face, cells; nearer solids disturb the face's flow enough for a warning.
 pub(super) const OPEN_FACE_CLEARANCE: usize = 4;
 /// Share of the inflow's cross-section that solids may block before a warning: the wind squeezed past them is then some
 /// 40 % too fast.
@@ -64,32 +66,34 @@ pub(super) const MAX_BLOCKAGE: f64 = 0.3;
 /// Share of the inflow that may be blocked at the narrowest place before the run is refused: the inflow of 0.06 to 0.1 cells per step
 /// would pass the rest at the speed of sound, 0.58, or faster, and piles up at the inlet instead.
 pub(super) const REFUSED_BLOCKAGE: f64 = 0.9;
-/// Cells per height of a solid, fewer of which are warned of: the length of the wake still changes with the size of the cells.
+/// Least number of cells per height of a solid without a warning: with fewer the wake's length still depends on the
+/// cell size.
 pub(super) const MIN_CELLS_PER_HEIGHT: u32 = 8;
 
-/// Linear interpolations of a gust per correlation time. Fewer: visible kinks; more: nothing but time.
+/// Ticks of the gust process per correlation time; it is linear in between. Fewer: visible kinks; more: only computing
+/// time.
 pub(super) const GUST_TICKS: f64 = 32.0;
-/// Correlation times of draws that a gust remembers: e^-7 is a thousandth.
+/// Length of the moving average of a gust, correlation times: the oldest draw has a weight of e^-7, a thousandth.
 pub(super) const GUST_MEMORY: f64 = 7.0;
-/// Largest gust over its standard deviation; bounds the speed that steps per frame are planned for.
+/// Largest gust, in standard deviations; bounds the speed that steps per frame are planned for.
 pub(super) const MAX_GUST: f64 = 2.0;
-/// Longest wavelength of inflow turbulence over the reference height, if the scene sets none. The spectrum of the vertical velocity
-/// over flat ground in neutral air peaks at wavelengths of about twice the height (Kaimal, Wyngaard, Izumi, Cote 1972); longer
-/// waves are gusts.
+/// Longest wavelength of inflow turbulence divided by the reference height, if the scene sets none. The spectrum of the
+/// vertical velocity over flat ground in neutral air peaks at wavelengths of about twice the height (Kaimal, Wyngaard,
+/// Izumi, Cote 1972); longer waves are gusts.
 pub(super) const TURBULENCE_LENGTH_PER_HEIGHT: f64 = 2.0;
-/// Shortest wavelength of inflow turbulence over the longest. Smaller eddies have a quarter of the energy, and follow from the
-/// larger ones within a few of their lengths.
+/// Shortest wavelength of inflow turbulence divided by the longest. Smaller eddies have a quarter of the energy, and
+/// follow from the larger ones within a few of their lengths.
 pub(super) const TURBULENCE_RANGE: f64 = 0.125;
 /// Shortest wavelength that the cells carry, cells: shorter ones are damped within a few cells of the inlet, and left out.
 pub(super) const SHORTEST_WAVELENGTH_CELLS: f64 = 6.0;
 /// Share of the turbulence's root mean square that the cells carry, below which a warning is given.
 pub(super) const MIN_CARRIED_TURBULENCE: f64 = 0.8;
-/// Height over the longest wavelength from which on inflow turbulence has its full strength; it falls linearly to 0 at the
-/// ground, through which no eddy may blow.
+/// Height divided by the longest wavelength, from which on inflow turbulence has its full strength; it falls linearly
+/// to 0 at the ground, through which no eddy may blow.
 pub(super) const TURBULENCE_FULL_HEIGHT: f64 = 0.15;
 /// Depth of the sponge before an outlet, m, if the scene sets none: about a wall's height, over which eddies are damped.
 pub(super) const SPONGE_DEPTH: f64 = 4.0;
-/// Least and largest depth of that sponge, cells. Fewer: sound is reflected; more: nothing but a smaller box.
+/// Least and largest depth of that sponge, cells. Fewer: sound is reflected; more: no gain, only a smaller usable box.
 pub(super) const SPONGE_CELLS: [f64; 2] = [4.0, 32.0];
 /// Share of the box's length that the sponge of a small box takes, at most.
 pub(super) const MAX_SPONGE_SHARE: f64 = 1.0 / 6.0;
@@ -98,14 +102,14 @@ pub(super) const TURN_PER_INTERVAL: f64 = 0.1;
 
 /// Cells outside the box over which the wind passes into the undisturbed inflow.
 pub(super) const OUTSIDE_BLEND_CELLS: f32 = 4.0;
-/// Mean factor of a speed curve over a clip, below which the wind of the clip is not taken for that of the curve's largest speed: what
-/// moves in a lull are remains of earlier wind.
+/// Mean of the factor of a speed curve over a clip, below which no mean wind of the clip is computed: the air that
+/// still moves in such a lull moves from earlier wind.
 pub(super) const MIN_MEAN_SPEED: f64 = 0.05;
 /// Cells recorded around the bounds that were asked for, so that interpolation at their edge has all eight neighbours.
 pub(super) const RECORDING_MARGIN: f32 = 2.0;
 
-/// Snapshots that exist at a time, at most: the two that an interpolated wind lies between, the next, and one that a reader still
-/// holds. For the memory estimate only.
+/// Most snapshots that exist at a time: the two that an interpolated wind lies between, the next, and one that a reader
+/// still holds. For the memory estimate only.
 pub(super) const HELD_SNAPSHOTS: u64 = 4;
 /// Arrays with one byte per cell that marks solid cells. For the memory estimate only.
 pub(super) const SOLID_FLAG_COPIES: u64 = 3;

@@ -14,7 +14,7 @@ use super::tuning::{MAX_BLOCKAGE, MIN_CELLS_PER_HEIGHT, OPEN_FACE_CLEARANCE};
 use osier_base::par;
 use osier_scene::solid::{Form, Solid};
 
-/// Counts and faults of voxelized solids, from which the warnings follow.
+/// Counts and defects of voxelized solids, from which the warnings are made.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct VoxelReport {
     /// Number of solid cells, filled ones included.
@@ -32,7 +32,7 @@ pub(super) struct VoxelReport {
 }
 
 impl VoxelReport {
-    /// The result as warnings S021, S031 and S032.
+    /// Warnings S021, S031 and S032 about the result.
     pub(super) fn warnings(&self) -> Vec<LatticeWarning> {
         let mut warnings = Vec::new();
         let mut warn = |code, text: String| warnings.push(LatticeWarning { code, text });
@@ -125,7 +125,8 @@ pub(super) fn fill_and_check_solids(
     let blocked = blocked_row_share(domain, along);
     let solid = domain.solid.iter().filter(|s| **s).count();
     let bounded = obstacles.iter().map(|s| (s.name.clone(), cells.height_in_cells(s)));
-    // Heights of whole cells may be rounded. What ends below the base of the box is not in the air.
+    // A solid of exactly the least height may come out slightly lower by rounding. A height that is not positive lies
+    // below the box.
     let coarse =
         bounded.filter(|(_, height)| *height > 0.0 && *height < f64::from(MIN_CELLS_PER_HEIGHT) - 0.01).collect();
     let open = obstacles.iter().filter_map(|s| s.open_mesh_warning("the lattice wind")).collect();
@@ -133,7 +134,7 @@ pub(super) fn fill_and_check_solids(
 }
 
 /// Makes solid every air cell from which no path through air leads to an open face: a flood fill from the open faces.
-/// Returns their number, without cells whose centre lies on a surface: no wind is expected there.
+/// Returns the number of filled cells, except those whose centre lies on a surface: nobody expects wind there.
 #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit")]
 fn fill_enclosed_air(domain: &mut Domain) -> usize {
     let n = domain.grid.n;

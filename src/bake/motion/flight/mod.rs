@@ -83,7 +83,7 @@ struct FlightState {
     frames: u64,
     /// Offset, m, by which each deposited catkin is drawn closer to the surface that it lies on.
     settled: Vec<Vec3>,
-    /// Which catkins periodic sides have just brought to the other side.
+    /// Catkins that crossed a periodic side in the last step.
     side_jumps: SideJumps,
     trails: Option<Trajectories>,
     /// Sums of all depositions so far, if the maps are cumulative; else empty.

@@ -48,7 +48,7 @@ pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> 
     let rounded = |x: f64, digits: f64| (x * digits).round() / digits;
     let degrees = |x: f64| rounded(x.to_degrees(), 1e6);
     let wetting = &params.wetting;
-    let rate = rate.map(|rate| rounded(rate * units::MILLIMETRES_PER_HOUR, 1e9));
+    let rate = rate.map(|rate| rounded(rate * units::M_PER_S_TO_MM_PER_H, 1e9));
     let area = area.map(|area| rounded(area, 1e4));
     // Wetness decays as fraction^(t / time): it halves after time ln(1/2) / ln(fraction).
     let half_life = rounded(params.decay_time * (math::ln(0.5) / math::ln(params.decay_fraction)), 1e9);

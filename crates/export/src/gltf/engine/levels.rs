@@ -21,9 +21,9 @@ use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotio
 
 /// Constants of the levels, guessed or measured.
 mod tuning {
-    /// Edge of the cells in which wood is searched, m: about the distance between vertices of a twig.
+    /// Edge of the cells of the neighbour grid of wood, m: about the distance between vertices of a twig.
     pub(super) const WOOD_CELL: f32 = 0.1;
-    /// Distance at which the search for the wood that carries a leaf ends, m.
+    /// Largest distance from a leaf at which the wood that carries it is searched, m.
     pub(super) const WOOD_REACH: f32 = 3.0;
     /// Smallest and largest share of the triangles of a level for wood. Without a minimum, bare limbs would lose their shape;
     /// without a maximum, a crown of many fine twigs would lose its leaves.

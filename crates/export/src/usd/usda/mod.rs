@@ -184,7 +184,7 @@ impl LayerWriter for UsdaWriter {
                 p.variants = Some(TextVariantSet { set: variants.set, variants: all });
             }
         }
-        // Parents are defined before their children; what has none belongs to the pseudo-root.
+        // Parents are defined before their children; a prim without a parent belongs to the pseudo-root.
         let parent = self.index.get(parent).copied().unwrap_or(0);
         if let Some(p) = self.prims.get_mut(parent) {
             p.children.push(number);

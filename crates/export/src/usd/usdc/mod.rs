@@ -1,5 +1,5 @@
-//! Crate files (`.usdc`), written as a stream: arrays go to disk when they arrive, the structural sections follow at the end.
-//! In memory stay 8 bytes for each time sample, and the tables. Version 0.8.0, little endian.
+//! Crate files (`.usdc`), written as a stream: arrays go to disk when they arrive, the structural sections follow at
+//! the end. Memory holds only the tables, and 8 bytes for each time sample. Version 0.8.0, little endian.
 //!
 //! Layout of a file: header of 88 bytes (magic, version, offset of the table of contents, reserved), the values, the sections,
 //! the table of contents (number of sections; for each a name of 16 bytes, its offset and its length).
@@ -73,8 +73,8 @@ impl UsdcWriter {
     /// Starts a crate file in `sink`; the pseudo-root is its first spec.
     pub(crate) fn new(sink: Box<dyn ByteSink>) -> Self {
         let mut tokens = Interner::default();
-        // PATHS marks a property by the negated number of its name. 0 has no negative, so number 0 goes to a token that is no
-        // name. The writer of OpenUSD uses the same token.
+        // PATHS marks a property by the negated number of its name. Since 0 cannot be negated, number 0 is given to a
+        // token that is no name. The writer of OpenUSD uses the same token.
         tokens.intern(";-)");
         let mut paths = PathTable::default();
         paths.intern("/");

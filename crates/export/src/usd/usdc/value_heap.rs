@@ -84,7 +84,8 @@ impl ValueHeap {
         self.deduplicated_value_rep(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
     }
 
-    /// `ValueRep` of a value: that of an equal value in the file, else of the bytes that `write` appends.
+    /// `ValueRep` of a value: that of an equal value in the file if there is one, else that of the bytes that `write`
+    /// appends.
     /// `kind`: distinguishes values with equal bytes and different types; `flags`: the `ValueRep` without its offset;
     /// `bytes`: the uncompressed encoding, for the comparison.
     fn deduplicated_value_rep(

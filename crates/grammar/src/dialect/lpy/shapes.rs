@@ -183,7 +183,7 @@ impl Model<'_, '_> {
         shape: &[ParamShape],
         range: &Range<usize>,
     ) -> Result<(), Refusal> {
-        // The turtle takes a point as its coordinates.
+        // Commands of the turtle take a vector in place of its coordinates, so that any shape is allowed.
         if is_command(name) {
             return Ok(());
         }

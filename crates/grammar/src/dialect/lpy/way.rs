@@ -137,7 +137,7 @@ impl OpenWay {
         self.run_next(body);
     }
 
-    /// The way, whose statements end here.
+    /// The finished way through the statements; `produced` is set if it has written modules.
     pub fn ended(self) -> Way {
         let produced = self.way.produced || !self.way.modules.is_empty();
         Way { produced, ..self.way }

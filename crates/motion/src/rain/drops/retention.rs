@@ -96,7 +96,7 @@ impl RainLeaf {
         EffectiveGravity { normal, total: g, tangential: g - normal * g.dot(normal), onto: -g.dot(normal) }
     }
 
-    /// The forces on a drop along the surface: drive, holding and resistance. `attraction`: of other drops, in leaf space, N.
+    /// The forces on a drop along the surface: drive, holding and resistance. `attraction`: force of other drops on it, in leaf space, N.
     pub(super) fn surface_forces(
         &self,
         drop: &LeafDrop,

@@ -20,7 +20,8 @@ use osier_base::math;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
 impl RainLeaf {
-    /// Advances a sessile drop: it detaches, rests or runs. `cap`: of its head. `attraction`: force of other drops on it, in leaf space, N.
+    /// Advances a sessile drop: it detaches, rests or runs. `cap`: the cap of its head. `attraction`: force of other drops on it,
+    /// in leaf space, N.
     pub(super) fn step_sessile(
         &self,
         drop: &mut LeafDrop,

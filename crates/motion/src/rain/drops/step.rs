@@ -33,7 +33,7 @@ impl RainLeaf {
         result
     }
 
-    /// Substeps in which no drop runs so far that it could pass over another.
+    /// Number of substeps, so many that no drop can run past another within one.
     fn substeps(&self, constants: &StepConstants, step: &LeafStep<'_>) -> u32 {
         let running = |drop: &LeafDrop| {
             let reach = MAX_DROP_SHIFT * drop.head_cap_by_law(&constants.cap_law, step.params).a.max(MIN_CAP_RADIUS);
@@ -72,7 +72,7 @@ impl RainLeaf {
     }
 
     /// Lets the tail of a sessile drop grow or shrink. Where a tail of full caps begins to shrink, its last cap stays on the leaf as a
-    /// bead with probability [`DropParams::bead_probability`](crate::rain::DropParams::bead_probability). `cap`: of the head.
+    /// bead with probability [`DropParams::bead_probability`](crate::rain::DropParams::bead_probability). `cap`: the cap of its head.
     fn resize_tail(
         &self,
         drop: &mut LeafDrop,
@@ -85,7 +85,7 @@ impl RainLeaf {
             return;
         }
         let after = drop.tail_count_after(step.h, cap.a, step.params);
-        // A bead is decided at each whole number of caps: the count passes all of them, whatever the time step.
+        // Whether a bead stays is drawn at each whole number of caps that the count passes, so that it does not depend on the time step.
         let before = drop.tail_count;
         let mut full = before.floor();
         while full > after.max(1.0) {

@@ -55,8 +55,8 @@ struct LocatedSurface {
 /// A drop on a leaf; positions and vectors are in leaf space.
 #[derive(Debug, Clone)]
 pub struct LeafDrop {
-    /// Identifier, stable over frames, threads and time steps: a count, for beads a random number, with a bit that marks emitted
-    /// drops, splash droplets or beads.
+    /// Identifier, stable over frames, threads and time steps: a count, or for beads a random number. One of its bits is set for
+    /// emitted drops, another for splash droplets, a third for beads.
     pub id: u64,
     /// Side of the leaf: 1 on the upper, -1 on the lower.
     pub side: f64,
@@ -68,7 +68,7 @@ pub struct LeafDrop {
     pub volume: f64,
     /// Attachment while the drop hangs at the margin; `None` for a sessile drop.
     pub pendant: Option<PendantAnchor>,
-    /// Unit tangent along which its footprint is stretched and sheared; of a pendant drop, the direction that it hangs in.
+    /// Unit tangent along which its footprint is stretched and sheared; for a pendant drop, the direction in which it hangs.
     pub axis: DVec3,
     /// Skew as a fraction of the largest, 0 to 1: the load on the contact line relative to its retention.
     pub lean: f64,
@@ -201,7 +201,7 @@ impl LeafDrop {
         self.located.filter(|located| located.uv == self.uv).map(|located| located.surface)
     }
 
-    /// Stores the surface under the drop at its present place, or forgets it.
+    /// Stores the surface under the drop at its present place; `None` removes it.
     pub(super) fn set_located_surface(&mut self, surface: Option<SurfacePoint>) {
         self.located = surface.map(|surface| LocatedSurface { uv: self.uv, surface });
     }

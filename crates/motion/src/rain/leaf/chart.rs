@@ -12,9 +12,9 @@ use osier_scene::Mesh;
 /// Reason why the texture coordinates of a mesh cannot be the chart of its blade, which must be one-to-one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UvFault {
-    /// There are none, or they give no triangle an area.
+    /// The mesh has no texture coordinates, or no triangle has an area in them.
     Missing,
-    /// Some lie outside of 0 to 1.
+    /// Some coordinates lie outside of 0 to 1.
     OutOfRange,
     /// Two parts of the blade share texels, such as mirrored halves.
     Overlap,
@@ -46,13 +46,13 @@ pub struct LeafChart {
     pub vertices: Vec<u32>,
     /// All triangles of the mesh in their order, by vertices of the chart.
     pub triangles: Vec<[u32; 3]>,
-    /// Number of pieces that connected parts of the blade were cut into, beyond one for each.
+    /// Number of cuts through the blade: pieces of the chart minus connected parts of the blade.
     pub cuts: usize,
 }
 
 /// The triangles of a mesh that form its blade: those with an area, without petioles and without second sides.
 pub(super) struct BladePartOfMesh {
-    /// Index of each among the triangles of the mesh.
+    /// Indices of the triangles of the blade in the mesh.
     pub indices: Vec<usize>,
     /// Piece of the chart that each of them lies in.
     pub pieces: Vec<usize>,
@@ -133,8 +133,8 @@ pub(super) fn weld(points: &[DVec3]) -> Vec<u32> {
     (0_u32..).zip(points).map(|(i, p)| *first_at.entry(position(p)).or_insert(i)).collect()
 }
 
-/// Why texture coordinates are not one-to-one; `None` if they are. `corners`: of each triangle; `edges`: welded vertices of each
-/// triangle and the coordinates of its corners.
+/// Reason why texture coordinates are not one-to-one; `None` if they are. `corners`: coordinates of each triangle's corners;
+/// `edges`: welded vertices of each triangle, and the coordinates of its corners.
 fn own_uv_fault(corners: &[[DVec2; 3]], edges: impl Iterator<Item = ([u32; 3], [DVec2; 3])>) -> Option<UvFault> {
     let range = -CHART_SEAM_TOLERANCE..=1.0 + CHART_SEAM_TOLERANCE;
     if !corners.iter().flatten().all(|uv| range.contains(&uv.x) && range.contains(&uv.y)) {

@@ -20,7 +20,7 @@ pub(super) struct FlatPiece {
 /// A blade mapped to the plane, in one or several pieces.
 pub(super) struct FlatBlade {
     pub pieces: Vec<FlatPiece>,
-    /// Pieces beyond one for each connected part of the blade.
+    /// Number of cuts: pieces minus connected parts of the blade.
     pub cuts: usize,
 }
 
@@ -46,7 +46,7 @@ pub(super) fn flatten(points: &[DVec3], triangles: &[[u32; 3]]) -> FlatBlade {
     if let Some(piece) = blade.project(&all) {
         return FlatBlade { pieces: vec![piece], cuts: 0 };
     }
-    let mut waiting = blade.connected_parts(&all);
+    let mut waiting = blade.connected_components(&all);
     let parts = waiting.len();
     // Parts are taken from the end: reverse them, so that pieces keep their order.
     waiting.reverse();
@@ -54,8 +54,8 @@ pub(super) fn flatten(points: &[DVec3], triangles: &[[u32; 3]]) -> FlatBlade {
     while let Some(part) = waiting.pop() {
         match blade.project(&part).or_else(|| blade.embed(&part)) {
             Some(piece) => pieces.push(piece),
-            // Each half has fewer triangles, and a single triangle is flat.
-            None => waiting.extend(blade.split(&part).iter().flat_map(|half| blade.connected_parts(half)).rev()),
+            // This ends: each half has fewer triangles, and a single triangle is flat.
+            None => waiting.extend(blade.split(&part).iter().flat_map(|half| blade.connected_components(half)).rev()),
         }
     }
     let cuts = pieces.len() - parts;
@@ -107,7 +107,7 @@ impl Flattener<'_> {
             s + (a + b + c) * (area(k) / 3.0)
         });
         let center = sum / total.max(f64::MIN_POSITIVE);
-        // Of a triangle: area / 12 (sum of v v^T over its corners + s s^T), where s is the sum of its corners.
+        // Second moments of a triangle: area / 12 (sum of v v^T over its corners + s s^T), where s is the sum of its corners.
         let mut m = [[0.0; 3]; 3];
         for k in part {
             let [a, b, c] = self.corners(*k).map(|p| p - center);
@@ -122,7 +122,7 @@ impl Flattener<'_> {
     }
 
     /// Groups of triangles that are connected by edges, in the order of their first triangles.
-    fn connected_parts(&self, part: &[usize]) -> Vec<Vec<usize>> {
+    fn connected_components(&self, part: &[usize]) -> Vec<Vec<usize>> {
         let mut of_edge: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
         for k in part {
             undirected_edges(self.triangles[*k]).iter().for_each(|e| of_edge.entry(*e).or_default().push(*k));
@@ -368,7 +368,7 @@ pub(super) fn pack(pieces: &mut [FlatPiece]) {
         Some(corners)
     };
     let mut side = boxes.iter().map(|b| b.1.x * b.1.y).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
-    // Enlarge the square until the pieces fit; they do at the latest in one as wide as all of them together.
+    // Enlarge the square until the pieces fit, at the latest when it is as wide as all of them side by side.
     let corners = loop {
         match rows(side) {
             Some(corners) => break corners,

@@ -11,8 +11,8 @@ pub(crate) mod surface;
 pub(crate) mod veins;
 pub(crate) mod wetness;
 
-/// Cells each way of the grids over texture coordinates: of triangles (point location) and of wetness. Of a leaf of 80 mm a
-/// cell is 1.7 mm long, as wide as a small drop; more cells make wetness sharper and each lookup of a triangle shorter.
+/// Number of cells along each side of the grids over texture coordinates: of triangles (point location) and of wetness. On a leaf
+/// of 80 mm a cell is 1.7 mm long, as wide as a small drop; more cells make wetness sharper and each lookup of a triangle shorter.
 pub(crate) const GRID_CELLS: usize = 48;
 
 /// Column and row of the grid cell at texture coordinates, clamped to the grid.

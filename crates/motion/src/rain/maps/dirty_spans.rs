@@ -71,13 +71,13 @@ impl DirtySpans {
         Self { heights, normals }
     }
 
-    /// Whether any height may have changed.
-    pub fn any(&self) -> bool {
+    /// Whether any height may have changed; without such a change no normal changes either.
+    pub fn is_dirty(&self) -> bool {
         !self.heights.spans.is_empty()
     }
 }
 
-/// Marks on segments of rows, each [`TILE`] texels long: a bit per segment, that of the first segment lowest.
+/// Marks on segments of rows, each [`TILE`] texels long: one bit per segment, the lowest bit for the first segment of a row.
 #[derive(Debug, Clone)]
 pub(super) struct DirtyBits {
     side: usize,

@@ -1,6 +1,6 @@
 //! SIMD kernels over rows of texels: caps and wet spots (maximum), normals, drying.
 //!
-//! Nothing is fused, so that results do not depend on the instruction set.
+//! No product and sum are fused, so that results do not depend on the instruction set.
 
 use std::ops::Range;
 
@@ -76,7 +76,7 @@ pub(super) struct CapHeightKernel {
     /// r cos(theta), the height of the base over the sphere's center, m.
     base: f32,
     height_factor: f32,
-    /// [`SphericalCap::wedge`] over the sphere's radius, 1/m.
+    /// [`SphericalCap::wedge`] divided by the sphere's radius, 1/m.
     wedge: f32,
     /// Squared distance from the axis at which the cap ends, in base radii; infinite if the sphere's equator ends it.
     max_rho2: f32,

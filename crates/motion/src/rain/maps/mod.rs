@@ -60,13 +60,13 @@ struct WetSpotStamp {
 /// Number of texel updates by their cause; a texel counts as often as it is updated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TexelCounters {
-    /// Heights, by each cap.
+    /// Updates of heights: one for each cap over a texel.
     pub heights: u64,
-    /// Normals, once a frame.
+    /// Updates of normals: at most one per texel and frame.
     pub normals: u64,
-    /// Wetness, by each wet spot.
+    /// Updates of wetness by wet spots: one for each spot over a texel.
     pub wet_spots: u64,
-    /// Wetness, by drying.
+    /// Updates of wetness by drying.
     pub drying: u64,
 }
 
@@ -106,7 +106,7 @@ pub struct LeafWaterMaps {
     /// One span for each row over all of its texels.
     full: RowSpans,
     scale: f32,
-    /// Half-lives of wetness up to the last frame.
+    /// Number of half-lives of wetness that have passed up to the last frame.
     elapsed_half_lives: f64,
     /// Ratio of the exact decay up to the last frame to that of the maps, whose factors are rounded.
     decay_residual: f64,
@@ -182,14 +182,14 @@ impl LeafWaterMaps {
         self.stamps = stamps;
         let decay = self.next_decay_factor(t, params);
         // A dry leaf whose drops rest costs no more than this comparison.
-        if wet_spots.is_empty() && !dirty.any() && !self.damp.contains(&true) {
+        if wet_spots.is_empty() && !dirty.is_dirty() && !self.damp.contains(&true) {
             return;
         }
         let wet_spots = self.wet_spot_stamps(blade, wet_spots, t, params);
         self.update(&FrameUpdate { dirty, wet_spots, decay });
     }
 
-    /// The same, but every texel is recomputed with every cap: the reference that [`LeafWaterMaps::advance`] must equal bit for
+    /// As [`LeafWaterMaps::advance`], but recomputes every texel with every cap: the reference that `advance` must equal bit for
     /// bit.
     pub fn advance_full(
         &mut self,

@@ -60,8 +60,8 @@ impl TexelWindow {
         ColumnSpan { start: start.max(self.lo[0]), end: end.min(self.hi[0]) }
     }
 
-    /// Fractional bounds of the columns of [`TILE`] rows from `first` on. All rows at once, as the processor takes several square
-    /// roots together and most windows are narrow.
+    /// Fractional bounds of the columns of [`TILE`] rows from `first` on. They are computed for all rows at once, since the
+    /// processor evaluates several square roots together and most windows are narrow.
     #[inline(always)]
     pub fn tile_row_bounds(&self, first: usize) -> [[f64; 2]; TILE] {
         let mut bounds = [[0.0; TILE]; 2];

@@ -205,7 +205,7 @@ impl UvRaster {
     fn ellipse_window(&self, uv: DVec2, dpdu: DVec3, dpdv: DVec3, radius: f64) -> TexelWindow {
         let n = self.side as f64;
         let radius = self.margin * radius;
-        // a x^2 + 2 b x y + c y^2 <= radius^2 in texture coordinates. Rows count against v, whence the sign of b.
+        // a x^2 + 2 b x y + c y^2 <= radius^2 in texture coordinates. Rows count downwards, against v, hence the sign of b.
         let (a, b, c) = (dpdu.dot(dpdu), -dpdu.dot(dpdv), dpdv.dot(dpdv));
         let det = (a * c - b * b).max(0.0);
         // Half-axes of the bounding box: radius sqrt(c / det) and radius sqrt(a / det).

@@ -52,7 +52,8 @@ impl DropDetail {
         }
     }
 
-    /// Mean size of the meshes of sessile and pendant drops with their tails, for estimates of sizes. `radius`: of a typical drop, m.
+    /// Mean size of the meshes of sessile and pendant drops with their tails, for estimates of file sizes. `radius`: radius of a
+    /// typical drop, m.
     ///
     /// Drops of more than about 2 mm run, with long tails, whose rows outnumber the rings of a cap. Measured on a twig in rain of
     /// drops of 1 to 3 mm and of natural sizes, and on an oak in a storm of drops of 4 mm: 17 to 42 vertices of distant drops of
@@ -71,7 +72,7 @@ impl DropDetail {
                 let vertices = 95.0 + 55.0 * square_mm;
                 DropMeshSize { vertices, triangles: 1.8 * vertices }
             }
-            // Of the coarsest caps more vertices lie on the rims, which cap and seat do not share.
+            // In the coarsest meshes a larger part of the vertices lies on the contact line, which cap and underside do not share.
             Self::Distant => {
                 let vertices = 18.0 + 14.0 * square_mm;
                 DropMeshSize { vertices, triangles: 1.8 * vertices - 10.0 }

@@ -1,4 +1,4 @@
-//! Which axes and leaves of a plant become rods, and which are rigid with those.
+//! Decides which axes and leaves of a plant become rods, and which are fixed rigidly to rods.
 
 use glam::{DQuat, DVec3};
 
@@ -16,9 +16,9 @@ pub struct RodPlantParams {
     pub wood: WoodParams,
     /// Gravitational acceleration along -Y, m/s^2.
     pub gravity: f64,
-    /// Shear modulus over Young's modulus, 0.02..0.5.
+    /// Shear modulus divided by Young's modulus, 0.02..0.5.
     pub shear: f64,
-    /// Stiffness of restoring springs over that of the fundamental mode, 0..4.
+    /// Stiffness of the restoring springs divided by the stiffness of the fundamental mode, 0..4.
     pub recovery: f64,
     /// Divisor of all Young's moduli, 1..20.
     pub flexibility: f64,
@@ -45,9 +45,9 @@ pub struct RodPlantParams {
 pub(crate) enum AxisMotion {
     /// Rigid with the ground.
     Still,
-    /// A rod from an arc length on, m in the plant; rigid below.
+    /// A rod, by index, that begins at an arc length, m in the plant's unscaled space; the axis is rigid below.
     Rod(usize, f64),
-    /// Rigid with a rod at an arc length, m.
+    /// Rigid with the rod of an index at an arc length, m.
     Rider(usize, f64),
 }
 
@@ -78,8 +78,8 @@ pub(crate) struct RodPlantLayout {
 impl RodPlantLayout {
     pub(crate) fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams) -> Self {
         let mut layout = Self { scale: f64::from(stand.s.x), ..Self::default() };
-        // Candidates first, then the selection within the budget, then rods in the order of axes, so that carriers
-        // come first.
+        // Find the axes that can be rods and select those within the budget, then add rods in the order of axes, so that a parent
+        // precedes its children.
         let rods = layout.candidate_axis_rods(plant, stand, params);
         let selected = layout.stems_within_budget(plant, &rods, params);
         for (axis, rod) in plant.axes.iter().zip(rods) {
@@ -198,8 +198,7 @@ impl RodPlantLayout {
         }
     }
 
-    /// Where a leaf is attached. `with_stalk`: a separate rod becomes its stalk, unless it sits on a petiole, which already is
-    /// a rod.
+    /// Attachment of a leaf. `with_stalk`: adds a rod as its stalk, unless the leaf sits on a petiole axis, which is its stalk already.
     fn attach_leaf(
         &mut self,
         plant: &Plant,

@@ -27,7 +27,7 @@ use osier_wind::Wind;
 /// Relative change of the step length above which the BDF2 history is discarded.
 const SAME_STEP_TOLERANCE: f64 = 1e-9;
 
-/// A leaf that is rigid with a section.
+/// A leaf that is fixed to a section or to rigid wood.
 #[derive(Debug, Clone)]
 struct RodPlantLeaf {
     /// Carrying section; none for rigid wood.
@@ -135,7 +135,7 @@ impl RodPlant {
         }
         // Water bodies come first, so that body k is the water on leaf k; then the blades.
         let mut rods = if rods.is_empty() { rods } else { rods.with_added_bodies(water).with_added_bodies(own) };
-        // Without a rest shape that balances gravity, the weight of the plant is left out.
+        // If no rest shape is found that balances gravity, the weight of the plant is left out.
         rods.gravity = -DVec3::Y * params.gravity;
         let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
         rods.weightless = !posed;
@@ -202,8 +202,8 @@ impl RodPlant {
         self.hangs_at_rest
     }
 
-    /// Number of substeps per frame at `fps` frames per second in a wind; 1 if no part of the plant bends. The force of the air on
-    /// blades is explicit: steps also resolve how fast gusts turn them.
+    /// Number of substeps per frame at `fps` frames per second in a wind; 1 if no part of the plant bends. The force of the air
+    /// on blades is integrated explicitly, so that steps must also resolve how fast gusts turn the blades.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, saturates")]
     pub fn steps_per_frame(&self, fps: f64, wind: Option<&dyn Wind>) -> u32 {
         if self.rods.is_empty() {
@@ -503,7 +503,7 @@ impl RainPlant for RodPlant {
         if self.rods.is_empty() {
             return Ok(());
         }
-        // Multistep formulas hold for equal steps only.
+        // The BDF2 formula holds for equal steps only: start it anew after a change of the step length.
         if (h - self.last_step).abs() > SAME_STEP_TOLERANCE * h {
             self.rods.reset_history();
             self.last_step = h;

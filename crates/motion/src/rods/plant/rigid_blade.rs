@@ -24,13 +24,13 @@ pub struct RigidBlade {
     normal: DVec3,
     /// Projected area along the normal, m^2.
     pub facing: f64,
-    /// Effective width and length, m: of a rectangle with the same second moments.
+    /// Effective width and length, m: the sides of a rectangle with the same second moments.
     extent: [f64; 2],
 }
 
 impl RigidBlade {
-    /// Integrates a mesh; of a closed one, which has an upper and a lower side, half of it. A stalk in it counts as blade of the
-    /// area of its surface; that of a tube faces no direction.
+    /// Integrates over a mesh. A closed mesh has an upper and a lower side, so that half of its area counts. A stalk in the mesh
+    /// counts as a part of the blade; if it is a tube, the areas of its faces cancel in the normal.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
         for t in &mesh.triangles {
@@ -60,7 +60,7 @@ impl RigidBlade {
         }
     }
 
-    /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: of the leaf.
+    /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: factor on the size of the leaf.
     pub fn inertia(&self, density: f64, scale: f64) -> DMat3 {
         let s2 = scale * scale;
         self.inertia * (density * s2 * s2)
@@ -71,7 +71,7 @@ fn outer_square(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
-/// A leaf blade at its place in the world, for aerodynamic forces.
+/// A leaf blade with its orientation in the world, for aerodynamic forces.
 #[derive(Debug, Clone, Copy)]
 pub struct OrientedBlade<'a> {
     /// Area, centroid and extent in leaf space.

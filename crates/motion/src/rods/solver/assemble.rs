@@ -203,7 +203,8 @@ fn add_spring_blocks(
     }
 }
 
-/// Stiffness that the springs of a section share with one predecessor, before an attached base maps it.
+/// Stiffness blocks of the springs between a section and one predecessor, with respect to the corners at the far end: the
+/// predecessor's own, or those of an attached base.
 struct PredecessorStiffness<'a> {
     /// Rows of the section, columns of the corners at the far end.
     cross: &'a Matrix9,
@@ -224,7 +225,7 @@ fn add_predecessor_stiffness(
     on: usize,
 ) {
     let PredecessorStiffness { cross, other, column } = *coupling;
-    // Without an attached base the far ends are the corners of the predecessor: J = 1.
+    // Without an attached base the far ends are the corners of the predecessor: the Jacobian is the identity.
     let Some(j) = j else {
         for r in 0..9 {
             for q in 0..9 {

@@ -39,9 +39,8 @@ impl BlockRow {
 /// Index of the preceding section and of the one before that, or [`NONE`]; both are lower than that of the section.
 pub(crate) type PredecessorPair = [u32; 2];
 
-/// Solves a symmetric positive definite system in place and writes the solution to `out`; false if a pivot was not
-/// positive. Where a section has a second predecessor, that is the first predecessor of its first: then no fill-in
-/// occurs.
+/// Solves a symmetric positive definite system in place and writes the solution to `out`; false if a pivot was not positive. The
+/// second predecessor of a section, if there is one, must be the first predecessor of its first, so that no fill-in occurs.
 /// Own: block Cholesky in elimination-tree order; a section is coupled to two others only.
 pub(crate) fn solve_block_system(rows: &mut [BlockRow], predecessors: &[PredecessorPair], out: &mut [Vector9]) -> bool {
     Arch::new().dispatch(BlockSolveKernel { rows, predecessors, out })
@@ -88,8 +87,8 @@ impl NullaryFnOnce for BlockSolveKernel<'_> {
 #[inline(always)]
 fn factorize_block(own: &mut BlockRow) -> bool {
     for k in 0..9 {
-        // Row k of U is row k of A over the root of its pivot; a pivot that is not positive means that A is not
-        // positive definite (or holds NaN) and the step has failed.
+        // Row k of U is row k of A divided by the root of its pivot. If the pivot is not positive, A is not positive definite (or
+        // holds NaN), and the step has failed.
         let pivot = own.0[k][k];
         if pivot <= 0.0 || pivot.is_nan() {
             return false;
@@ -115,7 +114,7 @@ fn factorize_block(own: &mut BlockRow) -> bool {
 #[inline(always)]
 fn eliminate_into_predecessor(own: &BlockRow, up: &mut BlockRow) {
     for a in 0..9 {
-        // Columns of the blocks (up, over), the right-hand side and one of padding: padded for SIMD.
+        // The 18 columns of the blocks (up, over), the right-hand side, and one column of padding for SIMD.
         let mut sum = [0.0; 20];
         for k in 0..9 {
             let f = own.0[k][PREDECESSOR + a];

@@ -41,8 +41,8 @@ impl RodSystem {
         }
     }
 
-    /// Mass damping coefficient, 1/s, of section `i` with the explicit integrators: twice that of the implicit one, which leaves
-    /// half of the damping to the stiffness part.
+    /// Mass damping coefficient, 1/s, of section `i` in the explicit integrators. It is twice that of the implicit integrator, in
+    /// which the stiffness part provides half of the damping.
     pub(crate) fn explicit_mass_damping(&self, i: usize) -> f64 {
         2.0 * self.dampings[self.tree.sections[i].rod].mass
     }
@@ -188,7 +188,7 @@ impl RodSystem {
             |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::SupportKind::Fixed);
         let inverse_mass = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
         let here = corner(&self.step.next[i], c);
-        // An attached base is evaluated at the present iterate of the section that carries it.
+        // An attached base has the position and Jacobian that follow from the present iterate of the section that carries it.
         let rider = (base != NONE).then(|| {
             let b = &self.tree.bases[base as usize];
             let x = SectionFrame::from_corners(&self.step.next[on]).local_positions_to_world(&b.local);
@@ -213,8 +213,8 @@ impl RodSystem {
         (0..9).for_each(|k| self.step.next[on][k] -= by * pull[k]);
     }
 
-    /// XPBD projection of a section to its rest position: with mass-proportional stiffness the share k h^2 / (1 + k
-    /// h^2).
+    /// XPBD projection of a section towards its rest position. The stiffness is k times the mass, so that the section moves by
+    /// the share k h^2 / (1 + k h^2).
     fn project_restoring_spring(&mut self, i: usize, h: f64) {
         let back = self.dampings[self.tree.sections[i].rod].recovery * h * h;
         let share = back / (1.0 + back);
@@ -223,8 +223,8 @@ impl RodSystem {
         }
     }
 
-    /// Largest k h^2 / m of all springs in a step of `h` seconds; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single
-    /// passes let a rod sag.
+    /// Largest k h^2 / m of all springs in a step of `h` seconds; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] a single pass per step
+    /// lets a rod sag.
     pub fn max_step_stiffness_ratio(&self, h: f64) -> f64 {
         let one = |s: &crate::rods::layout::SectionProperties| {
             s.stiffness.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass

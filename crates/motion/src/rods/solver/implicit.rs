@@ -3,7 +3,7 @@
 use crate::rods::system::{RodSystem, subtract_corners};
 use crate::rods::tuning::{DIVERGENCE_LENGTHS, MAX_STEP_ITERATIONS, NEWTON_TOLERANCE};
 
-/// Share of an impulse that enters a first (implicit Euler) step; the BDF2 steps that follow add the remaining third
+/// Share of an impulse that acts in a first (implicit Euler) step; the BDF2 steps that follow add the remaining third
 /// of its momentum.
 const FIRST_STEP_IMPULSE_SHARE: f64 = 2.0 / 3.0;
 
@@ -98,9 +98,9 @@ impl RodSystem {
         self.add_clamp_penalties_to_rows();
     }
 
-    /// Weights of the present and the preceding state in the BDF2 formula. A first step is implicit Euler (weights 1,
-    /// 0), whose error is that of a single step: with an assumed state before the start, velocities would lag by a
-    /// third of a step for all times.
+    /// Weights of the present and the preceding state in the BDF2 formula. A first step is implicit Euler (weights 1, 0), whose
+    /// error is that of a single step. If a state before the start were assumed instead, velocities would lag by a third of a
+    /// step for ever.
     fn bdf_coefficients(&self) -> [f64; 2] {
         if self.history_reset { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
     }

@@ -102,8 +102,8 @@ impl RodSystem {
     pub fn find_rest_shape_by_equilibrium(&mut self) -> bool {
         let reference = self.tree.reference.clone();
         let mut shape = reference.clone();
-        // Fixed point for the rest shape X: with springs relaxed at X the rods sag to x_eq(X); moving X against the
-        // error x_eq - drawn by a damped share converges where the sagged shape is the drawn one.
+        // Fixed point for the rest shape X: with springs relaxed at X the rods sag to x_eq(X). X is moved against a damped share
+        // of the error x_eq - reference, until the sagged shape is the reference shape.
         for _ in 0..MAX_EQUILIBRIUM_SOLVES {
             self.set_rest_shape(&shape);
             self.x.copy_from_slice(&reference);
@@ -141,7 +141,7 @@ impl RodSystem {
                 self.reset_history();
                 return true;
             }
-            // The residual grows again: this plant cannot carry its weight in the drawn pose.
+            // The residual grows again: the plant cannot carry its weight in the reference shape.
             if largest > 100.0 * least {
                 break;
             }

@@ -78,7 +78,8 @@ impl SimulationConstants {
             oscillator: Columns::new(n),
             base_offset: Columns::new(n),
             weight: Columns::new(n),
-            // Masses grow with the cube of the size, the slope per force falls with its square: weight bends in proportion to it.
+            // Masses grow with the cube of the size, and the slope per force falls with its square: bends by weight grow in
+            // proportion to the size.
             gravity: params
                 .gravity
                 .map(|g| (params.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * g * scale)).to_array()),
@@ -147,11 +148,11 @@ impl SimulationConstants {
         let (arm, rest) = (s.p - s.from, s.p - element.base);
         self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, element.shape.at(s.middle)]);
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
-        // rho C A of bark and leaves: twice the drag per squared wind speed, and over the mass the rate at which drag stops the
-        // stretch, per unit of wind speed (the derivative of the drag).
+        // rho C A of bark and leaves is twice the drag per squared wind speed. Divided by the mass it is the rate, per unit of
+        // wind speed, at which drag stops the stretch (the derivative of the drag).
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
-        // Of a plant that is placed larger the areas grow with the square of the scale, the masses with its cube, and the slope per
-        // force falls with its square: bends by drag stay, drag stops it more slowly, inertia bends it more.
+        // If a plant is scaled up, its areas grow with the square of the scale, its masses with the cube, and the slope per force
+        // falls with the square: bends by drag stay the same, drag stops motion more slowly, and inertia bends more.
         let stops = (bark + leaf) / (s.load.mass.max(1e-12) * scale);
         // At its natural frequency an oscillator has 1 / (2 zeta) times the amplitude of the motion that shakes it.
         let gain = (2.0 * element.damping_ratio * MAX_RESONANCE_GAIN).min(1.0);

@@ -18,7 +18,7 @@ const MIN_CROSS_SPEED: f64 = 1e-30;
 pub(crate) struct SimulationState {
     /// Angle, rad, and angular velocity, rad/s, of both directions.
     pub(crate) first_mode: Columns<4>,
-    /// The same of second modes, and the static bend in the mean wind.
+    /// The same for second modes; and the static bend in the mean wind, rad.
     pub(crate) second_mode: Columns<4>,
     pub(crate) mean: Columns<2>,
     /// Rotation vectors of the tip in both modes, in the plant's space.
@@ -35,16 +35,17 @@ pub(crate) struct SimulationState {
     /// Rotation from rest and position of each element's base in the plant's space, by columns and by rows.
     carried: Columns<7>,
     bases: Vec<[f64; 7]>,
-    /// Per station: position, position one step ago, and positions if rigidly carried one and two steps ago.
+    /// Per station: position, position one step ago, and the positions one and two steps ago that it would have on a rigid element.
     pub(crate) places: Columns<3>,
     before: Columns<3>,
     rigid: Columns<6>,
-    /// Force of a subtree on its carrier, N, and its tip slope there; load of an element's stations in the frame of the element.
+    /// Force, N, of an element and of all that it carries, and the tip slope by inertia and by the elements that it carries, as a
+    /// vector; both in plant space. Tip slope by the wind on its own stations, in the frame of the element.
     forces: Columns<6>,
     loads: Columns<3>,
     /// Wind at the last sample and the next, per station in the plant's space, m/s.
     pub(crate) air: [Columns<3>; 2],
-    /// Vortex-shedding force over drag at both samples, per element.
+    /// Vortex-shedding force divided by the drag at both samples, per element.
     pub(crate) shed: [Columns<1>; 2],
 }
 
@@ -262,7 +263,7 @@ pub(crate) struct IntegrateStep<'a> {
     pub(crate) state: &'a mut SimulationState,
     /// Time step of the integrator, s.
     pub(crate) step: f64,
-    /// Size of the plant in the world over that in its own space, in which positions are kept.
+    /// Scale of the plant: lengths in the world divided by lengths in its own space, in which positions are stored.
     pub(crate) scale: f64,
     /// Whether there is no previous step, so that stations have no velocity.
     pub(crate) fresh: bool,
@@ -399,7 +400,7 @@ impl IntegrateStep<'_> {
     }
 }
 
-/// Advances second modes about a share of the load's deviation from its mean. `goal`: static bend of the first modes, rad.
+/// Advances second modes about a share of the deviation of the first modes' static bend `goal`, rad, from its mean.
 #[inline(always)]
 fn advance_second_modes<S: Simd>(
     second_mode: &SecondModes,

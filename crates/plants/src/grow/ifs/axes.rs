@@ -49,7 +49,7 @@ struct WordSegment {
 #[derive(Debug)]
 pub(super) struct WordSkeleton {
     raw: Vec<WordAxis>,
-    /// By word, in the order of the expansion.
+    /// Segment of each word, in the order of the expansion.
     segments: Vec<WordSegment>,
 }
 
@@ -59,7 +59,7 @@ pub(super) struct WordSkeleton {
 pub(super) fn build_word_skeleton(stems: &TreeSystem, expanded: &Expansion, size: TreeSize) -> WordSkeleton {
     let TreeSize { scale, radius } = size;
     let maps = &stems.system.maps;
-    // Ratio of the radii at the end and at the base of a segment: rho of the map that continues the axis, else
+    // Ratio of the radii at the end and at the base of a segment: rho of the map that continues the axis, otherwise
     // sqrt(sum of rho_i^2) over all maps.
     let (mut lead, mut sum) = (None, 0.0);
     for m in maps.iter().filter(|m| !m.stem) {

@@ -36,8 +36,8 @@ pub struct Branchlet {
     pub mirrored: bool,
 }
 
-/// Key of words that share branchlets: half an octave of size, an octave of thickness over size, the axis of their own space
-/// nearest to up, the remaining depth and order, and whether their map mirrors.
+/// Key of words that share branchlets: half an octave of size, an octave of the ratio of thickness to size, the axis of
+/// their own space nearest to up, the remaining depth and order, and whether their map mirrors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct BranchletClass {
     size: i32,

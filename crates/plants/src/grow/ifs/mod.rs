@@ -25,7 +25,7 @@ use osier_scene::plant::{Organ, Plant, Proto};
 
 /// Greatest number of words of a tree, whatever the limits: with their nodes about a gigabyte.
 const MAX_SEGMENTS: u64 = 5_000_000;
-/// Bytes of a word with those that are cut for it.
+/// Bytes of a word together with the cut words that it may cause.
 const WORD_BYTES: u64 = (size_of::<Word>() as u64) * (1 + words::CUTS_PER_WORD);
 /// Spread of the further leaves of a site: standard deviation of each component added to the unit direction of the first.
 const LEAF_SPREAD: f32 = 0.55;
@@ -74,10 +74,10 @@ pub struct TreeOptions {
 /// Source: [zhao-zhang] 2.2: trees as words of contractions of a trunk.
 /// Differs: tapered tubes that bend with their axis in place of joined cylinders; growth cut by size.
 /// # Errors
-/// `Input` with I040 beyond the words allowed; what `plant::validate` refuses.
+/// `Input` with I040 beyond the words allowed; the errors of `plant::validate`.
 pub fn grow(stems: &TreeSystem, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
     let fine = word_limits(options, limits);
-    // With billboards the expansion stops earlier, at the size that they replace.
+    // With billboards the expansion stops earlier, at the size of the branches that they replace.
     let cut = words::ExpansionLimits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
     let expanded = expand_words(stems, plant, options, &cut)?;
     build_plant(stems, &expanded, plant, TreeSize::new(stems, options), options, |_, _, _| {})
@@ -111,12 +111,13 @@ fn expand_words(
     words::expand(&stems.system, &stems.letters, cut, variation).map_err(|d| expansion_error(*d))
 }
 
-/// The error of an expansion without places: the text of the table, to which they point, is not at hand; the message names the table.
+/// Error of an expansion, without source locations: they point into the text of the table, which is not available here.
+/// The message names the table.
 pub fn expansion_error(d: Diagnostic) -> Error {
     Diagnostic { labels: Vec::new(), ..d }.into()
 }
 
-/// Builds a plant from words: axes, organs and what `more` adds to them, then radii and materials. `plant`: its id and seed.
+/// Builds a plant from words: axes, organs and the additions of `more`, then radii and materials. `plant`: its id and seed.
 fn build_plant(
     stems: &TreeSystem,
     expanded: &Expansion,
@@ -153,7 +154,8 @@ fn build_plant(
     Ok(out)
 }
 
-/// Limits of the expansion at full detail: as many words as nodes are allowed and as the memory holds, at most 5 million.
+/// Limits of the expansion at full detail. The number of words is limited by the allowed nodes, by the memory, and to 5
+/// million.
 pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::ExpansionLimits {
     let nodes = (limits.get("nodes"), Some("--max-nodes"));
     let memory = (limits.get("memory") / WORD_BYTES, Some("--max-memory"));
@@ -259,7 +261,8 @@ fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, 
         let Some(site) = skeleton.site(stems, expanded, cut) else { continue };
         for copy in 0..options.leaves_per_site.max(1) {
             let mut draw = Rng::at(plant.seed, &[plant.id.into(), "ifs-leaf".into(), cut.id.into(), copy.into()]);
-            // A stream per leaf, named by word and copy: a change of density adds or removes leaves and moves none.
+            // Each leaf has a separate random stream, keyed by word and copy: a change of density adds or removes
+            // leaves and moves none.
             if !draw.chance(options.leaf_density) {
                 continue;
             }
@@ -306,7 +309,6 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
     // The leaf points where the cut word's own segment would have pointed: the map of the trunk's direction.
     let along = (cut.map.a * (stems.trunk.1 - stems.trunk.0)).try_normalize().unwrap_or(DVec3::Y);
     let mut dir = Vec3::from_array(along.to_array().map(narrow));
-    // The first leaf keeps the direction of growth; the others spread about it.
     if copy > 0 {
         // Normal deviates, clamped at two standard deviations: an isotropic spread about the first leaf.
         let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * LEAF_SPREAD;
@@ -331,7 +333,7 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
     }
 }
 
-/// Index of a prototype; `plant::validate` refuses a plant with more prototypes than 16 bits number.
+/// Index of a prototype; `plant::validate` refuses a plant with more prototypes than a 16-bit index can address.
 fn proto_index(i: usize) -> u16 {
     u16::try_from(i).unwrap_or(u16::MAX)
 }

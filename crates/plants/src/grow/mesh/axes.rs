@@ -19,7 +19,8 @@ const END_FACE_COSINE: f32 = 0.7;
 const END_RADIUS_SHARE: f64 = 0.6;
 /// Largest radius of a child, as a share of its parent's at the attachment.
 const MAX_CHILD: f32 = 0.95;
-/// Least sine of the angle between child and parent: at sharper angles the point where the child leaves the bark runs away.
+/// Least sine of the angle between child and parent: at sharper angles the point where the child leaves the bark would
+/// move far along the parent.
 const MIN_LEAVING_SINE: f32 = 0.3;
 /// Samples per segment of the parent when the attachment is sought.
 const SAMPLES_PER_SEGMENT: u8 = 4;
@@ -90,7 +91,7 @@ pub(super) struct ClusterSite {
 struct Centerline {
     p: Vec<DVec3>,
     r: Vec<f32>,
-    /// By cluster of the chain, the index of its node on this line.
+    /// For each cluster of the chain, the index of its node on this line.
     of: Vec<usize>,
     /// Attachment on the parent's line: index of the segment, and place along it, 0..1.
     attachment: (usize, f32),
@@ -116,7 +117,7 @@ pub(super) fn add_axes(
             None => stack.push((i, NONE)),
         }
     }
-    // The last entry of the stack is taken first: reversed, roots come in the order of the chains.
+    // The stack is reversed because its last entry is taken first: roots then come in the order of the chains.
     stack.reverse();
     let by_stem = |a: &usize, b: &usize| {
         let (a, b) = (lines[*a].attachment, lines[*b].attachment);

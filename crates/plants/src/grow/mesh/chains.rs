@@ -18,7 +18,7 @@ pub(super) struct Chain {
     pub parent: Option<(usize, usize)>,
     /// Indices of its nodes in the graph, from base to tip.
     pub nodes: Vec<u32>,
-    /// True if its wood is another piece than that of the node at which it was joined.
+    /// True if the chain and the node at which it was joined are different pieces of wood.
     pub attached: bool,
 }
 

@@ -95,7 +95,8 @@ impl Clusters {
     /// Assigns every point to a cluster: clusters grow from their seeds, the nearest point first.
     fn assign_points(&mut self, fine: &RefinedSurface, seeds: &[u32]) {
         // Region growing: Dijkstra's order on the edges of the surface with one heap for all clusters. The key is the
-        // straight distance from the cluster's middle over its size; a point joins the first cluster that reaches it.
+        // straight distance from the cluster's middle divided by its size; a point joins the first cluster that reaches
+        // it.
         self.cluster_of = vec![u32::MAX; fine.points.len()];
         let mut heap = BinaryHeap::with_capacity(fine.points.len());
         // Least distance at which each point was queued; farther clusters need not queue it again.
@@ -199,7 +200,8 @@ impl Clusters {
         sums.into_iter().map(|(m, r, w)| (m, r / w)).collect()
     }
 
-    /// Joins neighbours that lie side by side around the wood, each with at most one other; false if there were none.
+    /// Joins neighbours that lie side by side around the wood, each with at most one other. Returns false if none were
+    /// joined.
     fn join_patches(&mut self, fine: &RefinedSurface) -> bool {
         // The axis of the wood is the direction least present among the normals of both clusters. Patches of one ring are near
         // along it and within the girth across it.

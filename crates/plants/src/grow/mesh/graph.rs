@@ -38,7 +38,7 @@ pub(super) struct SkeletonNode {
 #[derive(Debug, Default)]
 pub(super) struct SkeletonGraph {
     pub nodes: Vec<SkeletonNode>,
-    /// By piece and cluster, the index of the cluster's node.
+    /// For each piece and each of its clusters, the index of the cluster's node.
     pub nodes_of_clusters: Vec<Vec<u32>>,
 }
 
@@ -160,7 +160,7 @@ impl SkeletonGraph {
         (node.p + out).as_vec3()
     }
 
-    /// Nodes of a piece with at most one neighbour, rising and each once.
+    /// Nodes of a piece with at most one neighbour, sorted and without duplicates.
     fn end_nodes(&self, of: &[u32]) -> Vec<u32> {
         let mut end_nodes: Vec<u32> =
             of.iter().copied().filter(|n| self.nodes[*n as usize].neighbours.len() < 2).collect();
@@ -187,7 +187,7 @@ impl SkeletonGraph {
             samples.push(WoodSample { p: node.p.as_vec3(), r: node.r, owner: i });
             for other in node.neighbours.iter().map(|n| &self.nodes[*n as usize]) {
                 let half = (other.p - node.p) * 0.5;
-                // Half of every link belongs to either of its nodes, so that a joint goes to the nearer one.
+                // Each node owns the half of every link that is nearer to it, so that a joint goes to the nearer node.
                 let steps = steps(math::narrow(half.length()), SAMPLE_SPACING_RADII * node.r.max(other.r));
                 samples.extend((1..=steps).map(|k| {
                     let t = f64::from(k) / f64::from(steps);

@@ -19,7 +19,7 @@ use osier_scene::{Mesh, Subset};
 const SHAPE_TOLERANCE: f32 = 1e-3;
 /// Largest number of prototypes; blades of further shapes stay part of the wood. Keeps files and the search for a match small.
 const MAX_SHAPES: usize = 4096;
-/// A blade larger than this share of the plant's diagonal is no leaf: several leaves that share vertices.
+/// A blade larger than this share of the plant's diagonal is not a single leaf but several leaves that share vertices.
 const MAX_LEAF_SIZE: f32 = 0.25;
 
 /// A blade as a mesh, with its attachment to the bark.
@@ -31,7 +31,7 @@ struct LeafBlade {
     attachment: (usize, AxisPosition),
 }
 
-/// A shape that congruent blades share, as the first of them has it.
+/// A shape that congruent blades share, taken from the first of them.
 struct LeafShape {
     proto: u16,
     points: Vec<Vec3>,
@@ -53,9 +53,9 @@ struct PlacedLeaf {
 /// Blades that stay part of the wood, by index.
 #[derive(Debug, Default)]
 pub(super) struct UnplacedLeaves {
-    /// Those too large to be single leaves, and all blades of a plant without wood.
+    /// Blades too large to be single leaves, and all blades of a plant without wood.
     pub large: Vec<usize>,
-    /// Those whose shape would exceed [`MAX_SHAPES`].
+    /// Blades whose shape would exceed [`MAX_SHAPES`].
     pub unmatched: Vec<usize>,
 }
 
@@ -231,7 +231,8 @@ fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
         let [a, b, c] = t.map(|i| points[i as usize]);
         s + (b - a).cross(c - a)
     });
-    // Doubled areas of leaves may be below 1e-9 m^2, the length that `normalize_or` takes for 0.
+    // Divide by the largest component first: the length of this sum, twice the leaf's area, may be below 1e-9, which
+    // `normalize_or` treats as 0.
     let face = face / face.abs().max_element().max(f32::MIN_POSITIVE);
     let z = math::normalize_or(face - y * face.dot(y), math::perpendicular(y));
     let q = Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z)).normalize();

@@ -88,7 +88,7 @@ impl MeshPlant {
 /// Differs: the number of clusters comes from the thickness of the wood, pieces are joined where their ends meet bark, and
 /// a branch's first node stands on its parent's bark, so that the mesh bends there without a tear.
 /// # Errors
-/// `Input` with X018 for a mesh without wood or without volume; what `plant::validate` refuses; `Cancelled`.
+/// `Input` with X018 for a mesh without wood or without volume; the errors of `plant::validate`; `Cancelled`.
 pub fn extract_skeleton(imported: &Imported, options: &SkeletonOptions, cancel: &Cancel) -> Result<MeshPlant> {
     let parts = parts::classify_triangles(imported, &options.leaf_words);
     let solid: Vec<&WoodPiece> = parts.wood.iter().filter(|p| parts.has_axes(p)).collect();
@@ -185,7 +185,7 @@ struct ClusterSites<'a> {
     graph: &'a SkeletonGraph,
     /// Surface and clusters of each solid piece.
     refined: &'a [(RefinedSurface, Clusters)],
-    /// By node of the graph.
+    /// Site of each node of the graph.
     sites: &'a [ClusterSite],
 }
 

@@ -96,8 +96,8 @@ impl RefinedSurface {
         &self.neighbour_list[first[i as usize] as usize..first[i as usize + 1] as usize]
     }
 
-    /// Number of clusters that fit: the integral of dA / (2 pi r size) over the surface, the length of the wood over that of a
-    /// cluster.
+    /// Number of clusters that fit: the length of the wood divided by that of a cluster, as the integral of dA / (2 pi
+    /// r size) over the surface.
     pub fn estimated_clusters(&self) -> f64 {
         let one = |i: usize| self.areas[i] / (std::f64::consts::TAU * f64::from(self.radii[i] * self.sizes[i]));
         (0..self.points.len()).fold(0.0, |sum, i| sum + one(i))

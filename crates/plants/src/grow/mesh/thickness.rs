@@ -33,7 +33,8 @@ pub(super) fn normals(piece: &WoodPiece) -> Vec<Vec3> {
         let area = (b - a).cross(c - a) * side;
         t.iter().for_each(|i| sums[*i as usize] += area);
     }
-    // Doubled areas of twigs may be below 1e-9 m^2, the length that `normalize_or` takes for 0.
+    // Divide by the largest component first: the length of a sum, twice an area, may be below 1e-9, which
+    // `normalize_or` treats as 0.
     let unit = |n: &Vec3| n / n.abs().max_element().max(f32::MIN_POSITIVE);
     sums.iter().map(|n| math::normalize_or(unit(n), Vec3::Y)).collect()
 }
@@ -70,7 +71,7 @@ fn smooth(piece: &WoodPiece, radii: Vec<f32>) -> Vec<f32> {
 /// The triangles of a piece in a bounding volume hierarchy, for rays that measure its thickness.
 struct ThicknessRays {
     tree: CwBvh,
-    /// In the order of the hierarchy's leaves: a corner and both edges from it.
+    /// Triangles in the order of the hierarchy's leaves: a corner and the two edges from it.
     faces: Vec<[Vec3; 3]>,
 }
 

@@ -37,7 +37,8 @@ impl<T: Copy> WoodSearch<T> {
         self.within(p, f32::INFINITY, |_| true)
     }
 
-    /// As [`Self::nearest`], among the samples that `accepts` lets pass and whose bark is nearer than `reach`, m.
+    /// As [`Self::nearest`], but only among samples for which `accepts` is true and whose bark is nearer than `reach`,
+    /// m.
     pub fn within(&self, p: Vec3, reach: f32, accepts: impl Fn(&T) -> bool) -> Option<(f32, T)> {
         // Branch and bound: skip nodes whose lower bound is no better than the best distance so far.
         let mut best: Option<(f32, T)> = None;
@@ -64,7 +65,7 @@ impl<T: Copy> WoodSearch<T> {
         best
     }
 
-    /// Lower bound of the distance to any bark below a node: distance to its box, less the largest radius in it.
+    /// Lower bound of the distance to any bark below a node: distance to its box minus the largest radius in it.
     fn lower_bound(&self, node: usize, p: Vec3) -> f32 {
         self.boxes.get(node).map_or(f32::INFINITY, |(b, r)| (p.clamp(b.min, b.max) - p).length() - r)
     }

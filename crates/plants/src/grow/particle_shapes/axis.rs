@@ -33,14 +33,14 @@ pub(super) struct ShapeAxis {
     pub level: u8,
     pub forks: u8,
     pub fork: u32,
-    /// Length to which it was to grow, m.
+    /// Length to which the axis was meant to grow, m.
     pub length: f64,
     /// Assumed arc length within its parent, m.
     pub exposed: f64,
     pub end: AxisEnd,
-    /// At least two, from the base to the tip.
+    /// Nodes from the base to the tip, at least two.
     pub nodes: Vec<ShapeNode>,
-    /// Arc lengths of its sites, m, rising.
+    /// Arc lengths at which the axis spawns others, m, in ascending order.
     pub sites: Vec<f64>,
 }
 
@@ -67,8 +67,8 @@ impl ShapeAxis {
         }
     }
 
-    /// With probability `share`, ends the axis at its last site, where its child continues in its place. The draw is by `seed`
-    /// and id.
+    /// With probability `share`, ends the axis at its last site, where its child continues in its place. The draw
+    /// depends on `seed` and the id of the axis.
     pub fn lose_apex(&mut self, share: f64, seed: u64) {
         let Some(&last) = self.sites.last().filter(|s| share > 0.0 && **s > 0.0) else { return };
         if Rng::at(seed, &[self.id.into(), "apex".into()]).chance(share) {

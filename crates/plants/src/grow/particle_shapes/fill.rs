@@ -1,4 +1,4 @@
-//! Twigs and leaves on a plant that exists: [hoetzlein] Figure 6c.
+//! Adds twigs and leaves to an existing plant: [hoetzlein] Figure 6c.
 
 use std::collections::BTreeSet;
 
@@ -62,10 +62,11 @@ pub fn fill(
     Ok(report)
 }
 
-/// Turns the growth times of twigs since their start, t, into shares of the time of the plant, in which their start is given: on
-/// average a twig lengthens as fast as the plant, whose longest path takes its whole time. A plant without times is left as it is.
+/// Converts the growth times of twigs, t since their start, to shares of the plant's growth time, in which their start
+/// is given. On average a twig lengthens as fast as the plant, whose longest path takes the whole time. A plant without
+/// times is left as it is.
 fn take_pace(plant: &Plant, twigs: &mut [ShapeAxis]) {
-    // The longest way from the ground along the axes, m; parents come before what they bear.
+    // The longest path from the ground along the axes, m; parents precede their children.
     let mut starts = vec![0.0_f64; plant.axes.len()];
     let mut longest = 0.0_f64;
     for (i, axis) in plant.axes.iter().enumerate() {
@@ -95,7 +96,7 @@ fn take_pace(plant: &Plant, twigs: &mut [ShapeAxis]) {
     }
 }
 
-/// An axis of the plant as a grown one; it has sites only if it is a stem that bears no axes.
+/// Converts an axis of the plant to a grown axis; it has sites only if it is a stem that bears no axes.
 fn parent_axis(plant: &Plant, i: usize, bears: bool, params: &ShapeParams, seed: u64) -> ShapeAxis {
     let axis = &plant.axes[i];
     let node = |k: usize| ShapeNode {
@@ -135,13 +136,14 @@ fn insert(
     params: &ShapeParams,
 ) -> Result<()> {
     let mut old = std::mem::take(plant);
-    // Twigs begin at the times of the nodes that bear them, 0..1, and may end later: the times of the whole plant become shares of the
-    // last of all. A plant without times gets none, so that a clip still grows it by its path lengths.
+    // Twigs begin at the times of the nodes that bear them, 0..1, and may end later: all times of the plant are
+    // rescaled to shares of the latest one. A plant without times gets none, so that a clip still grows it by its path
+    // lengths.
     let last = if old.nodes.birth.iter().any(|b| *b > 0.0) { last_time(twigs).max(1.0) } else { 0.0 };
     if last > 0.0 {
         scale_births(&mut old, narrow(1.0 / last));
     }
-    // The twigs of one host in canonical order: `depth_first` keeps each with what it bears.
+    // The twigs of one host in canonical order: `depth_first` keeps each twig together with its children.
     let mut by_host: Vec<Vec<usize>> = vec![Vec::new(); old.axes.len()];
     let mut host = ROOT;
     for i in depth_first(twigs) {

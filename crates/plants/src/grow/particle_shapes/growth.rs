@@ -21,12 +21,12 @@ const STALL_STEPS: u32 = 8;
 const STALL_LENGTH: f64 = 1e-3;
 /// An axis ends after this multiple of the steps that its length needs at full speed; a creeping axis would never end.
 const MAX_STEPS_FACTOR: f64 = 64.0;
-/// Distance that axes keep from solids, m, beside their assumed radius.
+/// Distance that axes keep from solids, m, in addition to their assumed radius.
 const CONTACT_MARGIN: f64 = 0.005;
 /// Attempts to move a particle out of all solids.
 const CONTACT_TRIES: u32 = 4;
 
-/// What all axes of a plant read while they grow.
+/// Inputs that all axes of a plant share while they grow.
 struct Surroundings<'a> {
     params: &'a ShapeParams,
     seed: u64,
@@ -34,7 +34,7 @@ struct Surroundings<'a> {
     guide: Option<CrownGuide>,
 }
 
-/// The axes of a plant, and what was left out or cut.
+/// The axes of a plant, the level that was not grown, and the number of velocities that were cut.
 #[derive(Debug, Default)]
 pub(super) struct GrownShapes {
     /// Parents before their children.
@@ -63,8 +63,8 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
         0 => params.roots.radius,
         _ => starts.iter().map(|s| s.p.length()).fold(0.0, f64::max),
     };
-    // Longest way from the start to a tip: the lengths of the first level are known, those of further ones are drawn later; one in fifty
-    // is longer than by two standard deviations.
+    // Longest path from the start to a tip. The lengths of the first level are known; those of further levels are drawn
+    // later and assumed to lie two standard deviations above the median, which one in fifty exceeds.
     let longest = starts.iter().map(|s| s.length).fold(0.0, f64::max);
     let most = exp(2.0 * params.limits.length_deviation);
     let further = (first_level + 1..params.limits.levels).map(|l| (l, params.limits.length.at(l) * most));
@@ -101,8 +101,8 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
                 }
             }
         }
-        // Buds of all axes of the level start the next one. The nodes that they will have are summed on the way, so that a level
-        // over `max_nodes` is refused before it grows.
+        // Buds of all axes of the level start the next one. The nodes that these will have are summed in the same loop,
+        // so that a level over `max_nodes` is refused before it grows.
         if level + 1 < params.limits.levels {
             let mut predicted = nodes;
             for i in first..out.axes.len() {
@@ -133,7 +133,7 @@ fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Ve
     if interact {
         let mut grown: Vec<usize> = vec![0; growing.len()];
         while growing.iter().any(|g| !g.done) {
-            // The guide shares its points out among the tips that still grow, in their order.
+            // The guide assigns its points to the tips that still grow, in their order.
             let tips: Vec<DVec3> = growing.iter().filter(|g| !g.done).map(|g| g.particle.p).collect();
             let mut pulls = around.guide.as_ref().map(|guide| guide.pulls(&tips).into_iter());
             for g in growing.iter_mut().filter(|g| !g.done) {
@@ -141,7 +141,7 @@ fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Ve
             }
             let frozen = &*around;
             par_each(&mut growing, |g| g.advance(frozen, ROUND));
-            // Only now do the nodes of this round shade others and reach points of the guide.
+            // The nodes of this round shade other axes and reach points of the guide only after the round.
             let mut new = Vec::new();
             for (g, seen) in growing.iter().zip(&mut grown) {
                 new.extend(g.axis.nodes[*seen..].iter().map(|n| (g.axis.level, n.p)));
@@ -185,9 +185,10 @@ struct GrowingAxis {
     start_time: f64,
     /// Unit pull of the crown guide, or zero.
     pull: DVec3,
-    /// Whether the ground stops it: not an axis that begins below the ground, as a twig of a plant that hangs.
+    /// Whether the ground stops the axis; false for one that begins below the ground, such as a twig of a hanging
+    /// plant.
     stops_at_ground: bool,
-    /// Whether the tip has been inside of the envelope, which cuts the axis only when it leaves.
+    /// Whether the tip has been inside the envelope: the envelope cuts an axis only when its tip leaves.
     was_inside: bool,
     short_steps: u32,
     steps_left: u64,
@@ -257,7 +258,8 @@ impl GrowingAxis {
     /// Makes one step: direction and velocity turn, the particle moves, solids push it out, the envelope cuts it off.
     fn step(&mut self, around: &Surroundings<'_>) {
         let params = around.params;
-        // The first step leads out of a solid at once, however deep it begins there: an axis that is too short for that ends.
+        // An axis that begins inside a solid leaves it with its first step, however deep it begins; an axis too short
+        // for that ends.
         let enclosed = || params.limits.obstacles.iter().any(|o| o.distance(self.particle.p) < -self.axis.length);
         if self.axis.nodes.len() == 1 && enclosed() {
             return self.end(AxisEnd::Obstacle);
@@ -271,7 +273,7 @@ impl GrowingAxis {
         }
         self.steps_left -= 1;
         let printed = params.variant == Variant::Paper;
-        // With the equations as printed a step has a fixed duration; else a fixed length.
+        // With the equations as printed a step has a fixed duration, otherwise a fixed length.
         let mut dt = if printed { PAPER_STEP } else { self.particle.time_step(&self.rates) };
         let age_left = params.limits.max_age.map_or(f64::INFINITY, |most| most - self.particle.age);
         let mut roll = self.rates.twist;
@@ -342,7 +344,8 @@ impl GrowingAxis {
             for solid in solids() {
                 let near = solid.clearance(*to);
                 let inward = self.particle.v.dot(near.normal).min(0.0);
-                // Axes may begin in contact, as roots do: only those that move inwards are pushed out.
+                // Axes may begin in contact with a solid, as roots do: outside it, only those that move inwards are
+                // pushed out.
                 if near.distance >= radius || (inward >= 0.0 && near.distance >= 0.0) {
                     continue;
                 }

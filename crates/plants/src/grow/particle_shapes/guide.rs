@@ -24,7 +24,8 @@ pub struct CrownGuide {
 }
 
 impl CrownGuide {
-    /// Points drawn uniformly in an envelope; an envelope without bounds gets none. `plant`: its id; `seed`: of the draws.
+    /// Points drawn uniformly in an envelope; an envelope without bounds gets none. `plant`: id of the plant; `seed`:
+    /// seed of the draws.
     pub fn new(envelope: &Region, plant: u32, seed: u64) -> Self {
         let Some((low, high)) = envelope.bounds() else { return Self::default() };
         let draw = |i: u64| {

@@ -9,7 +9,8 @@ use osier_base::math::{GOLDEN_ANGLE, cos, exp, narrow, nlerp, normalize_or, perp
 use osier_base::rng::{Rng, mix64, word};
 use osier_scene::plant::{Axis, Organ, Plant};
 
-/// Deviates beyond this many standard deviations are clamped: one leaf in 700 would stand out by its size or angle.
+/// Random deviations are clamped to this many standard deviations; otherwise one leaf in 700 would stand out by its
+/// size or angle.
 const MAX_DEVIATION: f64 = 3.0;
 
 /// Places leaves every `spacing` along the axes of a plant that bear none of the organ yet, where `bears` is true for the axis and
@@ -23,7 +24,8 @@ pub(super) fn place_leaves(
     let leaves = &params.leaves;
     let Some(organ) = organ.filter(|o| leaves.spacing > 0.0 && !o.meshes.is_empty()) else { return };
     let first_proto = register_prototypes(plant, organ);
-    // A plant that is filled may have leaves of this kind: axes that bear some get no others in the same places.
+    // A plant that is filled may already have leaves of this kind: axes that bear some get no others in the same
+    // places.
     let own = usize::from(first_proto)..usize::from(first_proto) + organ.meshes.len();
     let mut is_leafy = vec![false; plant.axes.len()];
     for leaf in plant.organs.iter().filter(|o| own.contains(&usize::from(o.proto))) {
@@ -69,7 +71,7 @@ pub(super) fn place_leaves(
 }
 
 /// Index in a plant of the first prototype of an organ; its prototypes are added if the plant has none of them.
-/// `plant::validate` refuses a plant with more prototypes than 16 bits number.
+/// `plant::validate` refuses a plant with more prototypes than a 16-bit index can address.
 fn register_prototypes(plant: &mut Plant, organ: &OrganSpec) -> u16 {
     let own = organ.prototypes();
     let known = own.first().and_then(|first| plant.protos.iter().position(|p| p.name == first.name));

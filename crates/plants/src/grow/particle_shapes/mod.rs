@@ -45,7 +45,7 @@ pub struct ShapeMaterials {
 
 /// Grows a plant. `identity`: its id and seed. Returns it validated, with the warnings of its growth.
 /// # Errors
-/// `Range` for a parameter outside its range, `Limit` beyond [`MAX_ITEMS`] nodes, what `plant::validate` refuses.
+/// `Range` for a parameter outside its range, `Limit` beyond [`MAX_ITEMS`] nodes, the errors of `plant::validate`.
 pub fn grow(
     params: &ShapeParams,
     identity: (u32, u64),
@@ -80,10 +80,11 @@ fn nothing_grew(grown: &growth::GrownShapes, params: &ShapeParams, source: &str)
     }
 }
 
-/// Warnings (S035) of a level that was left out and of velocities that were cut, and (S007) of an envelope beside the plant.
+/// Warnings (S035) of a level that was left out and of velocities that were cut, and (S007) of an envelope that the
+/// plant does not enter.
 fn warnings(grown: &growth::GrownShapes, params: &ShapeParams, source: &str) -> Vec<Diagnostic> {
     let mut out = Vec::new();
-    // Axes are cut off where they leave the envelope, so that one which none of them enters cuts nothing.
+    // Axes are cut off where they leave the envelope; an envelope that no axis enters has no effect.
     let mut nodes = grown.axes.iter().flat_map(|axis| &axis.nodes);
     let envelope = params.limits.envelope.as_ref().filter(|_| !grown.axes.is_empty());
     if envelope.is_some_and(|envelope| nodes.all(|node| envelope.distance(node.p) > 0.0)) {

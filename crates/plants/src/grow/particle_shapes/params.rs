@@ -21,7 +21,7 @@ impl ByLevel {
         self.0[usize::from(level).min(self.0.len() - 1)]
     }
 
-    /// Whether some level has another value than 0.
+    /// Whether the value of any level differs from 0.
     pub fn any(&self) -> bool {
         self.0.iter().any(|v| *v != 0.0)
     }
@@ -108,7 +108,7 @@ pub struct Motion {
     pub coil: ByLevel,
     /// Angle between target and home direction where `coil` is not 0, rad.
     pub coil_angle: f64,
-    /// Downward acceleration, which grows with the square of the length grown, m/t^2; negative rises.
+    /// Downward acceleration, which grows with the square of the length grown, m/t^2; with negative values axes rise.
     pub gravity: ByLevel,
     /// Rate at which the target direction turns upwards, 1/t.
     pub up: ByLevel,
@@ -166,7 +166,7 @@ pub struct Limits {
     pub length: ByLevel,
     /// Standard deviation of the logarithm of the length of children.
     pub length_deviation: f64,
-    /// Greatest age of an axis, t; `None` for none.
+    /// Greatest age of an axis, t; `None`: no limit.
     pub max_age: Option<f64>,
     /// Shade above which an axis ends; a node casts a shade of 0.2 on its own cell. `None`: no limit.
     pub max_shade: Option<f64>,
@@ -183,9 +183,9 @@ pub struct Limits {
 /// Thickness of axes, set once all of them have grown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thickness {
-    /// Whether radii follow from what an axis bears, from its length or from drawn ratios.
+    /// Whether radii follow from the branches and leaves of an axis, from its length or from drawn ratios.
     pub rule: ThicknessRule,
-    /// Radius of root axes at their base, m; `None`: what the tips add up to (pipe model), or 0.02 m.
+    /// Radius of root axes at their base, m; `None`: the radius to which the tips add up (pipe model), or 0.02 m.
     pub base: Option<f64>,
     /// Radius at the tips of all axes, m, above 0.
     pub tip: f64,
@@ -208,7 +208,7 @@ pub enum ThicknessRule {
 /// A ratio of top to bottom radius that an internode may draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightedRatio {
-    /// Top radius over bottom radius, above 0, at most 1.
+    /// Top radius divided by bottom radius, above 0, at most 1.
     pub ratio: f64,
     /// Weight of this ratio in the draw; the sum of weights is arbitrary.
     pub weight: f64,
@@ -261,8 +261,8 @@ impl ShapeParams {
         (self.limits.length.at(level) / 16.0).clamp(0.002, 0.05) * self.step
     }
 
-    /// Radius of axes of a level, m, that contact with solids assumes before radii are known: the radius of roots, halved at each
-    /// level, at least that of a tip.
+    /// Radius of axes of a level, m, that is assumed for contact with solids before radii are known: the radius of
+    /// roots, halved at each level, at least that of a tip.
     pub fn assumed_radius(&self, level: u8) -> f64 {
         let base = self.thickness.base.unwrap_or(super::super::radii::Taper::default().base);
         (0..level).fold(base, |r, _| 0.5 * r).max(self.thickness.tip)

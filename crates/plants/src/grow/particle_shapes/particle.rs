@@ -6,7 +6,7 @@ use super::params::{ShapeParams, Variant};
 use osier_base::math::{cos, exp, sin, sqrt};
 use osier_base::rng::Rng;
 
-/// A shorter vector has no direction.
+/// A vector shorter than this has no direction.
 const MIN_LENGTH: f64 = 1e-9;
 /// The printed equations do not turn a velocity about a direction shorter than this.
 const PAPER_MIN_AXIS: f64 = 1e-6;
@@ -36,12 +36,12 @@ pub struct Particle {
     pub age: f64,
 }
 
-/// What acts on a particle from outside during a step: rates of change of its target direction, 1/t.
+/// External influences on a particle during a step: rates of change of its target direction, 1/t.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Influence {
-    /// Away from shade, times `light`.
+    /// Turn away from shade, times the rate `light`.
     pub light: DVec3,
-    /// Towards the crown guide, times `attract`; away from or towards solids.
+    /// Turn towards the crown guide, times the rate `attract`, and turn away from or towards solids.
     pub other: DVec3,
 }
 
@@ -109,7 +109,7 @@ pub fn carried(reference: DVec3, from: DVec3, to: DVec3) -> DVec3 {
 }
 
 #[inline]
-fn direction_or(v: DVec3, fallback: DVec3) -> DVec3 {
+fn normalize_or(v: DVec3, fallback: DVec3) -> DVec3 {
     let length = v.length();
     if length > MIN_LENGTH { v / length } else { fallback }
 }
@@ -159,9 +159,9 @@ impl Particle {
             let noise = DVec3::new(draws.normal_by_quantile(), draws.normal_by_quantile(), draws.normal_by_quantile());
             change += noise * (rates.wander * sqrt(dt));
         }
-        self.d = direction_or(self.d + change, self.d);
+        self.d = normalize_or(self.d + change, self.d);
         if rates.coil != 0.0 {
-            self.home = direction_or(self.home + up * dt, self.home);
+            self.home = normalize_or(self.home + up * dt, self.home);
             self.d = rotated(self.d, self.home, rates.coil * dt);
         }
         // The velocity approaches its limit w exponentially; without spread it only falls.

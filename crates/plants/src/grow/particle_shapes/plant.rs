@@ -1,4 +1,4 @@
-//! From grown axes to a [`Plant`]: canonical order, frames, radii, leaves.
+//! Converts grown axes to a [`Plant`]: canonical order, frames, radii, leaves.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -15,7 +15,7 @@ use osier_base::math::narrow;
 use osier_base::rng::Rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Nodes, Plant};
 
-/// Radius of the nodes of an axis until [`set_radii`], m: leaves need the centreline before.
+/// Provisional radius of nodes until [`set_radii`], m: leaves are placed on the centreline before it runs.
 const NO_RADIUS: f32 = 1e-4;
 /// Half width of the tip of a blade, m: a ribbon needs some width up to its end.
 const BLADE_TIP: f64 = 1e-4;
@@ -83,7 +83,7 @@ pub(super) fn rounded_s(grown: &ShapeAxis, s: f64, in_plant: &Axis) -> f32 {
 
 /// Builds the plant of grown axes. `plant`: its id and seed.
 /// # Errors
-/// What `plant::validate` refuses, `TooMany` beyond 2^32 nodes.
+/// The errors of `plant::validate`, `TooMany` beyond 2^32 nodes.
 pub(super) fn build_plant(
     axes: &[ShapeAxis],
     params: &ShapeParams,

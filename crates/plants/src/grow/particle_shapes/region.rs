@@ -6,7 +6,7 @@ use osier_base::math::{narrow, sqrt};
 use osier_scene::Trs;
 use osier_scene::solid::Solid;
 
-/// Length over which obstacles turn particles away or attract them, m.
+/// Decay length of the influence of obstacles that repel or attract particles, m.
 const INFLUENCE: f64 = 0.5;
 /// Half the distance of the differences that estimate a normal, m.
 const NORMAL_STEP: f64 = 1e-4;
@@ -71,7 +71,7 @@ pub enum Region {
     },
 }
 
-/// How far a point lies from the surface of a region, and the way out.
+/// Distance of a point from the surface of a region, and the direction out of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clearance {
     /// Signed distance to the surface, m; below 0 inside.
@@ -128,7 +128,7 @@ impl Region {
         }
     }
 
-    /// What the region adds to the rate of change of a target direction, 1/t. `rate`: positive turns away.
+    /// Contribution of the region to the rate of change of a target direction, 1/t. A positive `rate` turns it away.
     #[inline]
     pub fn repulsion(&self, p: DVec3, rate: f64) -> DVec3 {
         let near = self.clearance(p);

@@ -60,7 +60,7 @@ impl ShadeGrid {
             for q in 0..=LAYERS {
                 let amount = units(STRENGTH / f64::from(1_u32 << q.unsigned_abs()) * count);
                 for z in -q..=q {
-                    // Only the part of the row that lies inside of the grid.
+                    // Visit only the part of the row that lies inside the grid.
                     let (low, high) = ((top.x - q).max(0), (top.x + q).min(self.dims.x - 1));
                     let Some(first) = self.index(IVec3::new(low, top.y - q, top.z + z)).filter(|_| low <= high) else {
                         continue;

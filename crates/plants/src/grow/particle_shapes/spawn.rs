@@ -13,10 +13,10 @@ use osier_scene::plant::NONE;
 
 /// Least and greatest distance between sites, as a factor of the median.
 const SPACING_RANGE: [f64; 2] = [0.3, 3.0];
-/// Least and greatest angle between an axis and its child, rad: 5 degrees, since a child must leave the wood of its parent, and the
-/// greatest value of the key.
+/// Least and greatest angle between an axis and its child, rad: at least 5 degrees, so that a child leaves the wood of
+/// its parent; at most the largest value of the scene's key.
 const ANGLE_RANGE: [f64; 2] = [5.0 * PI / 180.0, 175.0 * PI / 180.0];
-/// Length of the halves of a fork, as a share of that of the axis which forks.
+/// Length of each half of a fork, as a share of the length of the axis that forks.
 const FORK_LENGTH: f64 = 0.75;
 /// Most forks in a lineage of one level.
 pub(super) const MAX_FORKS: u8 = 4;
@@ -53,7 +53,7 @@ pub(super) struct AxisStart {
     pub exposed: f64,
 }
 
-/// A factor of median 1 with a normal logarithm.
+/// A log-normal random factor with median 1. `deviation`: standard deviation of its logarithm.
 fn log_normal(draws: &mut Rng, deviation: f64) -> f64 {
     exp(deviation * draws.normal_by_quantile())
 }
@@ -99,7 +99,7 @@ pub(super) fn sites(params: &ShapeParams, axis: &ShapeAxis, seed: u64) -> Vec<f6
     let spacing = params.spawning.spacing.at(axis.level);
     let mut draws = Rng::at(seed, &[axis.id.into(), "sites".into()]);
     let end = axis.grown_length();
-    // The first site lies behind the bare base, by a random part of a spacing.
+    // The first site lies a random part of a spacing beyond the bare base.
     let mut s = (params.spawning.base.at(axis.level) * axis.length).max(axis.exposed) + spacing * draws.unit_f64();
     let mut sites = Vec::new();
     while s < end {
@@ -120,7 +120,7 @@ fn divergence(buds: u32) -> f64 {
     }
 }
 
-/// The children that the buds of an axis grow into, by site and bud. `index`: of the axis among the grown ones.
+/// The children that the buds of an axis grow into, by site and bud. `index`: index of the axis among the grown axes.
 pub(super) fn children(params: &ShapeParams, axis: &ShapeAxis, index: usize, seed: u64) -> Vec<AxisStart> {
     let spawning = &params.spawning;
     let level = axis.level + 1;
@@ -176,7 +176,7 @@ pub(super) fn children(params: &ShapeParams, axis: &ShapeAxis, index: usize, see
     out
 }
 
-/// How far an axis of a level and the forks that follow it lead, over the length of the axis.
+/// Length of an axis of a level together with the forks that follow it, divided by the length of the axis.
 pub(super) fn fork_reach(params: &ShapeParams, level: u8) -> f64 {
     if params.spawning.split.at(level) <= 0.0 {
         return 1.0;
@@ -190,7 +190,8 @@ pub(super) fn fork_reach(params: &ShapeParams, level: u8) -> f64 {
     sum
 }
 
-/// The two axes into which an axis forks at its tip; `None` if it does not fork. `index`: of the axis among the grown ones;
+/// The two axes into which an axis forks at its tip; `None` if it does not fork. `index`: index of the axis among the
+/// grown axes;
 /// `fork`: the number that the two share.
 pub(super) fn fork(
     params: &ShapeParams,

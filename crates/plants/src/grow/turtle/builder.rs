@@ -67,7 +67,7 @@ struct RawAxis {
     /// First and last node of its linked list, or [`NONE`].
     first: u32,
     last: u32,
-    /// Number of nodes, with the open one; an axis of one node has no segment yet.
+    /// Number of nodes, including the open one; an axis of one node has no segment yet.
     count: u32,
     /// Index of its last node among the open ones; [`NONE`] once the axis is closed.
     open: u32,
@@ -80,7 +80,7 @@ pub(super) struct NodeSite {
     pub s: f64,
 }
 
-/// Nodes that nothing changes any more, the last of which wait for their frames.
+/// Nodes that no later command changes; the frames of the last ones are still to be computed.
 #[derive(Debug, Default)]
 struct StoredNodes {
     list: Vec<StoredNode>,
@@ -88,8 +88,8 @@ struct StoredNodes {
 }
 
 impl StoredNodes {
-    /// Appends a node to the list of its axis; its radius is that of the mean of both widths. `outgoing`: direction of the segment
-    /// that begins at the node.
+    /// Appends a node to the list of its axis; its radius follows from the mean of both widths. `outgoing`: direction
+    /// of the segment that begins at the node.
     #[inline]
     fn add(&mut self, axis: &mut RawAxis, n: &OpenNode, outgoing: Option<DVec3>) {
         // A node between two segments of different widths gets their mean.
@@ -170,7 +170,7 @@ pub(super) struct RawOrgan {
 pub(super) struct PlantBuilder {
     axes: Vec<RawAxis>,
     stored: StoredNodes,
-    /// Last nodes of axes that are not closed, and the indices of those that are free.
+    /// Last nodes of axes that are not closed, and the indices of entries that can be reused.
     open: Vec<OpenNode>,
     free: Vec<u32>,
     /// Number of nodes of all axes.
@@ -187,13 +187,13 @@ fn index32(i: usize) -> u32 {
 }
 
 impl PlantBuilder {
-    /// A builder for a string of some number of modules, without which lists grow too.
+    /// A builder with memory reserved for a string of `count` modules; lists that need more grow.
     pub fn for_modules(count: u64) -> Self {
-        /// Most nodes for which memory is set aside at first; the system hands it out when it is used.
+        /// Most nodes for which memory is reserved at first; the system provides it only when it is used.
         const MOST_NODES: usize = 1 << 21;
         let mut out = Self::default();
         let nodes = usize::try_from(count).map_or(MOST_NODES, |count| count.min(MOST_NODES));
-        // Lists that could not be given memory at once grow as they need.
+        // If memory cannot be reserved, the lists grow as needed.
         if out.stored.list.try_reserve(nodes).is_ok() && out.axes.try_reserve(nodes / 4).is_ok() {
             out
         } else {
@@ -240,13 +240,13 @@ impl PlantBuilder {
         index32(self.axes.len() - 1)
     }
 
-    /// The last node of an axis; `None` for an axis that is closed or not there.
+    /// The last node of an axis; `None` for an axis that is closed or does not exist.
     fn open_node(&mut self, axis: u32) -> Option<&mut OpenNode> {
         let axis = self.axes.get(axis as usize)?;
         self.open.get_mut(axis.open as usize)
     }
 
-    /// The last node of an axis, which carries what is drawn there.
+    /// The last node of an axis, to which branches and organs drawn there are attached.
     pub fn site(&self, axis: u32) -> NodeSite {
         let open = self.axes.get(axis as usize).and_then(|a| self.open.get(a.open as usize));
         NodeSite { axis, s: open.map_or(0.0, |n| n.s) }
@@ -353,8 +353,8 @@ impl PlantBuilder {
         self.extend(axis, DrawnNode { p: first.pose.p + h * STUB, ..node }, STUB);
     }
 
-    /// Attaches the branches of axes of one node, which are left out, to the node that carries such an axis, at the same
-    /// position; branches of a root of one node become roots.
+    /// Axes of one node are left out of the plant. Attaches their branches to the node that carries such an axis, which
+    /// has the same position; branches of a root of one node become roots.
     fn reattach_children_of_single_nodes(&mut self) {
         // A parent precedes its children, so that its own attachment is final when a child reads it.
         for i in 0..self.axes.len() {
@@ -369,8 +369,8 @@ impl PlantBuilder {
     fn canonical_order(&self) -> Vec<u32> {
         let is_child = |a: &&(u32, &RawAxis)| a.1.parent != NONE && a.1.count > 1;
         let axes = || (0_u32..).zip(&self.axes);
-        // A counting sort by parent: `ends` counts the children of each axis, then says where they begin, and at last where they
-        // end.
+        // A counting sort by parent: `ends` counts the children of each axis, then holds where they begin, and finally
+        // where they end.
         let mut ends = vec![0_u32; self.axes.len()];
         for (_, a) in axes().filter(|a| is_child(&a)) {
             ends[a.parent as usize] += 1;
@@ -408,10 +408,10 @@ impl PlantBuilder {
         order
     }
 
-    /// Copies the nodes of an axis into those of the plant, from index `first` on; returns the index behind them.
+    /// Copies the nodes of an axis into those of the plant, from index `first` on; returns the index after them.
     fn fill_nodes(&self, nodes: &mut Nodes, first: usize, a: &RawAxis, growth: &mut GrowthClock) -> usize {
         let n = nodes.p.len();
-        // Columns of one length need one test of an index.
+        // For slices of equal length one bounds check per index is enough.
         let (p, q) = (&mut nodes.p[..n], &mut nodes.q[..n]);
         let (r, s) = (&mut nodes.r[..n], &mut nodes.s[..n]);
         let (birth, color) = (&mut nodes.birth[..n], &mut nodes.color[..n]);
@@ -473,7 +473,8 @@ impl PlantBuilder {
     }
 }
 
-/// Columns of `n` nodes, to be filled. Memory that the system hands out zeroed is touched only when it is filled.
+/// Columns of `n` nodes, to be filled. They are zeroed by the system, so that memory is first touched when it is
+/// filled.
 fn zeroed_nodes(n: usize) -> Nodes {
     Nodes {
         p: bytemuck::zeroed_vec(n),
@@ -574,8 +575,9 @@ struct FrameBatch {
     /// Indices of the nodes, of which the first `count` are in use.
     nodes: [u32; BATCH],
     count: usize,
-    /// Direction of the segment that ends at the node (x, y, z), that of the one that begins there, left (x, y, z), and 1 for a node
-    /// between two segments. At the ends of an axis the only direction takes the first place.
+    /// Direction of the segment that ends at the node (x, y, z), direction of the segment that begins there, left
+    /// vector (x, y, z), and 1 for a node between two segments. At the ends of an axis the only direction is stored
+    /// first.
     rows: [[f64; BATCH]; 10],
     /// Frames (x, y, z, w), and the reciprocals of the lengths by which vectors were divided.
     frames: [[f64; BATCH]; 7],
@@ -605,7 +607,7 @@ impl FrameBatch {
         Arch::new().dispatch(&mut *self);
         for k in 0..self.count {
             let [x, y, z, w, bisected, along, across] = self.frames.each_ref().map(|row| row[k]);
-            // Where a length is 0 or no number, another direction takes the place of the vector.
+            // Where a length is 0 or NaN, `FrameSource::frame` uses another direction instead of the vector.
             let is_usual = [bisected, along, across].iter().all(|r| r.is_finite() && *r > 0.0);
             let q = if is_usual { narrow_quat(DQuat::from_xyzw(x, y, z, w)) } else { self.source(k).frame() };
             if let Some(node) = nodes.get_mut(self.nodes[k] as usize) {
@@ -625,7 +627,7 @@ impl FrameBatch {
 impl WithSimd for &mut FrameBatch {
     type Output = ();
 
-    /// The operations of [`FrameSource::frame`] in the same order, so that they have the same bits.
+    /// The operations of [`FrameSource::frame`] in the same order, so that the results are equal bit for bit.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let lanes = S::F64_LANES.min(BATCH);
@@ -730,8 +732,8 @@ pub(in crate::grow) fn set_exposed_lengths(plant: &mut Plant) {
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
         let site = plant.frame(parent, axis.parent_s);
         let t = site.q * Vec3::Y;
-        // Distance of a point from the parent's surface: from the line through the site along the parent's tangent,
-        // less the parent's radius.
+        // Distance of a point from the parent's surface: distance from the line through the site along the parent's
+        // tangent minus the parent's radius.
         let away = |p: Vec3| {
             let d = p - site.p;
             (d - t * d.dot(t)).length() - site.r

@@ -86,6 +86,11 @@ impl Command {
         }
     }
 
+    /// Whether the command draws a segment or moves.
+    pub fn is_step(self) -> bool {
+        matches!(self, Self::Draw | Self::DrawOnly | Self::Move | Self::MoveOnly)
+    }
+
     /// Whether the command ends the current segment, which then takes its end width from the current width.
     pub fn closes_segment(self) -> bool {
         matches!(

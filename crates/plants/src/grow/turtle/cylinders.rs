@@ -15,7 +15,7 @@ use osier_scene::{MaterialId, Mesh};
 
 /// Factors on the tangents at a point without `@Gt`. Source: cpfg.
 pub(super) const TANGENT: [f64; 2] = [1.2, 1.2];
-/// Strips of a piece that a step (`F` or `f`) ends. Source: cpfg.
+/// Number of strips of a piece that ends at a step (`F` or `f`). Source: cpfg.
 pub(super) const STRIPS: u32 = 4;
 /// Most strips of a piece, whatever number the string gives.
 const MAX_STRIPS: u32 = 1000;
@@ -81,7 +81,8 @@ pub(super) struct OpenCylinder {
     pub kind: CurveKind,
     pub closed: bool,
     pub origin: CylinderOrigin,
-    /// True while all that this branch has of it is the last point of its parent's cylinder.
+    /// True while this branch has added no point, so that the cylinder holds only the last point of the parent's
+    /// cylinder.
     pub inherited: bool,
     /// Whether `F` and `f` add points, as they do between `{(1)` and `}`.
     pub marks_steps: bool,
@@ -125,7 +126,7 @@ impl OpenCylinder {
         }
     }
 
-    /// The surface in the space of `pose`, divided by its size, and that size. `None` without a piece.
+    /// The surface in the space of `pose`, divided by its size, and that size. `None` for a cylinder without pieces.
     pub fn mesh(&self, contours: &BTreeMap<u32, Contour>, twist: bool, pose: TurtlePose) -> Option<(Mesh, f64)> {
         let (sections, pieces) = self.sections();
         if sections.len() < 2 {
@@ -183,7 +184,7 @@ impl OpenCylinder {
         Some((mesh, size))
     }
 
-    /// Cross-sections along the axis, and of each piece the number of strips and the material.
+    /// Cross-sections along the axis, and the number of strips and the material of each piece.
     fn sections(&self) -> (Vec<CrossSection>, Vec<(u32, MaterialId)>) {
         let points = self.control_points();
         let n = points.len();
@@ -321,7 +322,7 @@ fn smooth_normals(mesh: &Mesh, row: u32, closed: bool) -> Vec<Vec3> {
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|i| mesh.points[i as usize]);
         let face = (b - a).cross(c - a);
-        // The cross product is as long as twice the area: larger faces count for more.
+        // The length of the cross product is twice the area, so that larger faces have more weight.
         t.iter().for_each(|i| sums[*i as usize] += face);
     }
     if closed {

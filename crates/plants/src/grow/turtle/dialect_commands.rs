@@ -1,4 +1,5 @@
-//! Commands of the turtles of other programs: Fractint, LParser and L-Py. One table for each, and what its commands change.
+//! Commands of the turtles of other programs: Fractint, LParser and L-Py. A table of commands for each, and the state
+//! that they change.
 
 use glam::DVec3;
 
@@ -7,11 +8,11 @@ use super::guides::Guide;
 use super::options::TurtleOptions;
 use osier_grammar::{Dialect, DialectSettings, SymbolId};
 
-/// Colour indices with which the programs begin: white, red and the first one.
+/// Initial colour indices of the programs: white, red and the first index.
 const FRACTINT_COLOR: u8 = 15;
 const LPARSER_COLOR: u8 = 2;
 const LPY_COLOR: u8 = 1;
-/// Directions of a file of Fractint without an angle.
+/// Unit of Fractint's turns in a file that states no angle, degrees.
 const FRACTINT_UNIT_DEG: f64 = 45.0;
 /// Factors of LParser's commands without a number. Source: the manual of LParser; commands that enlarge divide by them.
 const LENGTH_FACTOR: f64 = 0.9;
@@ -40,7 +41,7 @@ pub(super) enum DialectCommand {
     Reverse,
     /// Fractint: multiplies the size.
     Size,
-    /// Fractint: without a sign sets the colour to the number, else adds sign times number to it.
+    /// Fractint: `None` sets the colour to the number, a sign adds sign times number to it.
     Color(Option<i32>),
     /// LParser and L-Py: turns about up, left or heading, by the sign times the angle.
     Yaw(f64),
@@ -54,7 +55,7 @@ pub(super) enum DialectCommand {
     Level,
     /// LParser: random turns about up, left and heading.
     Random,
-    /// LParser: pitches down, the more the more horizontal the heading is.
+    /// LParser: pitches down, by a larger angle the closer the heading is to horizontal.
     Gravity,
     /// LParser: moves by the share of the length.
     Step {
@@ -118,7 +119,7 @@ pub(super) enum DialectCommand {
     Unsupported,
 }
 
-/// What the commands of dialects change; brackets save and restore it.
+/// State that the commands of dialects change; brackets save and restore it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DialectState {
     /// Fractint: pointer in units, counter-clockwise from +X.
@@ -132,15 +133,15 @@ pub(super) struct DialectState {
     pub angle: f64,
     /// LParser: diameter of a segment as a share of its length.
     pub thickness: f64,
-    /// LParser: `$` has made left and up anew, and with them the other sense of turns about up.
+    /// LParser: true after `$` has recomputed left and up, which reverses the direction of turns about up.
     pub is_mirrored: bool,
-    /// LParser: lengths below 1 of left and up behind a `$`, about which it turns by less than the angle.
+    /// LParser: lengths of left and up after a `$`, if below 1; turns about such a vector are smaller than the angle.
     pub left_length: Option<f64>,
     pub up_length: Option<f64>,
     /// L-Py: elasticity and direction of the tropism.
     pub elasticity: f64,
     pub tropism: DVec3,
-    /// L-Py: radius before the scale, which multiplies it where something is drawn.
+    /// L-Py: radius without the scale, by which it is multiplied when something is drawn.
     pub radius: f64,
     /// L-Py: the curve that steps follow.
     pub guide: Option<Guide>,
@@ -153,14 +154,15 @@ pub(super) struct DialectState {
 pub(super) struct DialectTurtle {
     pub kind: Dialect,
     pub settings: DialectSettings,
-    /// Turn without a number, degrees.
+    /// Angle of turns without a number, degrees.
     pub angle_deg: f64,
-    /// Derivation step that made the newest modules; LParser draws these by a fraction.
+    /// Derivation step that made the newest modules; LParser reduces these by the fraction of the recursion, if the
+    /// file states one.
     pub last_step: u32,
 }
 
 impl DialectTurtle {
-    /// `angle`: turn without a number as the scene sets it, rad; `None`: that of the file or of the program.
+    /// `angle`: angle of turns without a number that the scene sets, rad; `None`: that of the file or of the program.
     pub fn new(kind: Dialect, settings: DialectSettings, angle: Option<f64>, last_step: u32) -> Self {
         let own = settings.angle_deg.unwrap_or(match kind {
             Dialect::LPy => LPY_ANGLE_DEG,
@@ -190,7 +192,7 @@ impl DialectTurtle {
         }
     }
 
-    /// Colour index of the first segments, where that of the options is `color`: a colour of the scene stays.
+    /// Colour index of the first segments. `color`: index in the options; an index that the scene sets is kept.
     pub fn first_color(&self, color: u8) -> u8 {
         if color != TurtleOptions::default().color {
             return color;
@@ -214,7 +216,7 @@ impl DialectTurtle {
         }
     }
 
-    /// Diameter of the first segments, where that of the options is `width`.
+    /// Diameter of the first segments. `width`: diameter in the options.
     pub fn first_width(&self, width: f64) -> f64 {
         if self.kind == Dialect::LPy { 2.0 * LPY_RADIUS } else { width }
     }
@@ -388,6 +390,7 @@ pub(super) struct PendingNumber {
     pub waiting: Option<WaitingCommand>,
     /// The characters after `(` so far; `None`: no number has begun.
     pub text: Option<String>,
-    /// Length, angle and thickness before the present row of modules of the last step, where the recursion has a fraction.
+    /// Length, angle and thickness before the current run of modules made by the last step; only if the recursion has a
+    /// fraction.
     pub outside: Option<[f64; 3]>,
 }

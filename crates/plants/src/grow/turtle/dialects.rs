@@ -38,11 +38,12 @@ const FRAME_HEAD_WIDTH: f64 = 2.0;
 /// Most characters of a number of LParser.
 const MAX_NUMBER: usize = 64;
 
-/// Horizontal part of a heading up to which it is vertical, where `$` does nothing; as in [`TurtleFrame::level`].
+/// A heading whose horizontal part is at most this counts as vertical: `$` does nothing then; as in
+/// [`TurtleFrame::level`].
 const VERTICAL: f64 = 1e-9;
 
-/// Cosine and sine of the turn of LParser by an angle with cosine `c` and sine `s` about an axis of a length: it normalizes what its
-/// matrix makes of a vector v across the axis a, c v + s a x v.
+/// Cosine and sine of the turn that LParser makes for an angle with cosine `c` and sine `s` about an axis a of the
+/// given length: it normalizes the image c v + s a x v of a vector v perpendicular to a.
 /// Source: `Set_rot` and `L_draw` of LParser.
 fn about(c: f64, s: f64, length: Option<f64>) -> (f64, f64) {
     let Some(length) = length else { return (c, s) };
@@ -52,8 +53,8 @@ fn about(c: f64, s: f64, length: Option<f64>) -> (f64, f64) {
 }
 
 impl Turtle<'_> {
-    /// Reads numbers of LParser, which are characters of the string: a command waits for the module after it. True if the module
-    /// was part of a number, or is a command that now waits.
+    /// Reads LParser's numbers, which are characters of the string: a command waits until the characters after it have
+    /// been read. True if the module was part of a number, or is a command that now waits.
     pub(super) fn read_number(&mut self, command: Option<DialectCommand>, c: char, m: Module<'_>) -> bool {
         if let Some(text) = &mut self.pending.text {
             if c == ')' || text.len() >= MAX_NUMBER {
@@ -63,7 +64,7 @@ impl Turtle<'_> {
             }
             return true;
         }
-        // A number behind a symbol that is not a command is ignored.
+        // A number after a symbol that is not a command is ignored.
         if c == '(' && m.params.is_empty() {
             self.pending.text = Some(String::new());
             return true;
@@ -81,8 +82,8 @@ impl Turtle<'_> {
         }
     }
 
-    /// Notes where a row of modules begins and ends that the last step of a recursion with a fraction has made: what its commands do to
-    /// length, angle and thickness ends with it.
+    /// If the recursion has a fraction, records where a run of modules made by the last step begins and ends: changes
+    /// of length, angle and thickness by its commands end with it.
     fn note_birth(&mut self, m: Module<'_>) {
         if self.dialect.settings.fraction.is_none() {
             return;
@@ -101,14 +102,14 @@ impl Turtle<'_> {
         }
     }
 
-    /// The fraction of the recursion of LParser if a module is of the last step.
+    /// The fraction of LParser's recursion, if the module was made by the last step.
     fn fraction(&self, m: Module<'_>) -> Option<f64> {
         self.dialect.settings.fraction.filter(|_| m.birth == self.dialect.last_step)
     }
 
     /// Factor of a command of LParser; without a number it is `factor`, and a factor above 1 divides.
     fn lparser_factor(&self, given: Option<f64>, factor: f64, m: Module<'_>) -> f64 {
-        // The fraction f leaves of a factor x: 1 + f (x - 1). It has acted on the number of the file before.
+        // The fraction f turns a factor x into 1 + f (x - 1). A number of the file was multiplied by f before that.
         match (self.fraction(m), given) {
             (None, _) => given.unwrap_or(factor),
             (Some(f), Some(x)) => 1.0 + f * (f * x - 1.0),
@@ -154,7 +155,7 @@ impl Turtle<'_> {
             C::Reverse => self.rare.dialect.reversed = !self.rare.dialect.reversed,
             C::Size => self.rare.dialect.length *= given.unwrap_or(1.0),
             C::Color(None) => self.set_color(color_index(given.unwrap_or(0.0))),
-            // Without a number the index stays. Index 0, the background of Fractint, is passed over.
+            // Without a number the index stays. Index 0, the background of Fractint, is skipped.
             C::Color(Some(sign)) => {
                 let step = f64::from(sign) * given.unwrap_or(0.0);
                 self.set_color(match color_index(f64::from(self.s.color) + step) {
@@ -249,7 +250,7 @@ impl Turtle<'_> {
         turn: fn(&mut TurtleFrame, f64, f64),
     ) {
         let degrees = given.unwrap_or(self.dialect.angle_deg * self.rare.dialect.angle);
-        // LParser takes the fraction of a number where it reads it, and again as of every turn.
+        // LParser multiplies every turn by the fraction, and a number once more when it reads it.
         let degrees = match (self.fraction(m), given) {
             (None, _) => degrees,
             (Some(f), None) => degrees * f,
@@ -261,8 +262,8 @@ impl Turtle<'_> {
         self.count_turn();
     }
 
-    /// Rolls until left is horizontal. LParser makes left and up anew as products of heading and vertical, which have the length of the
-    /// horizontal part of the heading, and whose sense is not that of the frame in which it begins.
+    /// Rolls until left is horizontal. LParser recomputes left and up as cross products of heading and vertical: their
+    /// length is that of the horizontal part of the heading, and their handedness differs from that of the first frame.
     fn level(&mut self) {
         self.s.frame.level();
         let h = self.s.frame.h;
@@ -274,9 +275,9 @@ impl Turtle<'_> {
         }
     }
 
-    /// Notes the axes that LParser has normalized: those that a turn about another one has moved.
+    /// Records which axes LParser has normalized: those that a turn about another axis has moved.
     fn set_unit_axes(&mut self, left: bool, up: bool) {
-        // Writing copies a state that branches share, so nothing is written where nothing changes.
+        // Branches share the state and writing to it makes a copy, so it is written only if something changes.
         if left && self.rare.dialect.left_length.is_some() {
             self.rare.dialect.left_length = None;
         }
@@ -285,7 +286,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Number of directions of Fractint's integer pointer: a full turn over its unit, rounded, at least 1.
+    /// Number of directions of Fractint's integer pointer: a full turn divided by its unit, rounded, at least 1.
     fn unit_count(&self) -> i64 {
         let n = (360.0 / self.dialect.angle_deg.abs().max(1e-6)).round();
         #[allow(clippy::cast_possible_truncation, reason = "saturates; at most 360 million")]
@@ -307,7 +308,7 @@ impl Turtle<'_> {
         let (c, s) = (math::cos(radians(degrees)), math::sin(radians(degrees)));
         let before = self.s.frame.h;
         self.s.frame = TurtleFrame { h: DVec3::new(c, s, 0.0), l: DVec3::new(-s, c, 0.0), u: DVec3::Z };
-        // A tube cannot turn back upon itself: the way back begins a new axis.
+        // A tube cannot turn back upon itself: a segment that does so begins a new axis.
         if draws && self.s.frame.h.dot(before) < REVERSAL {
             self.jump_to(self.s.p, m);
         }
@@ -320,7 +321,8 @@ impl Turtle<'_> {
         let turns: [fn(&mut TurtleFrame, f64, f64); 3] = [TurtleFrame::yaw, TurtleFrame::pitch, TurtleFrame::roll];
         for (k, turn) in (0_u64..).zip(turns) {
             let a = radians(most * (2.0 * self.bindings.draw(m.lineage(), k) - 1.0));
-            // Only the first turn can find an axis whose length is not 1: it normalizes the left vector, the second turn the up vector.
+            // Only the axis of the first turn can have a length other than 1: this turn normalizes the left vector, the
+            // second turn the up vector.
             let axis = self.rare.dialect.up_length.filter(|_| k == 0);
             let (c, s) = about(math::cos(a), math::sin(a), axis);
             turn(&mut self.s.frame, c, s);
@@ -330,8 +332,8 @@ impl Turtle<'_> {
     }
 
     /// A step of LParser. The number is its length, in units of the file; without one it is `share` of the present length. If the
-    /// file asks for a fractional number of steps, lengths and thicknesses of segments made by the last step are reduced to that fraction,
-    /// and lengths that a number gives twice.
+    /// file asks for a fractional number of steps, lengths and thicknesses of segments made by the last step are
+    /// multiplied by that fraction, and lengths given by a number are multiplied twice.
     fn lparser_step(&mut self, given: Option<f64>, share: f64, draws: bool, adds_vertex: bool, m: Module<'_>) {
         self.close_segment();
         let DialectState { length, thickness, .. } = self.rare.dialect;
@@ -345,7 +347,7 @@ impl Turtle<'_> {
         self.step(step, m, draws, adds_vertex);
     }
 
-    /// Answers a query in the axes of L-Py, whose +Z is up: world axes are (x, z, -y) of them.
+    /// Answers a query in the axes of L-Py, whose +Z is up: the vector (x, y, z) there is (x, z, -y) in plant space.
     fn lpy_query(&mut self, letter: char) {
         let v = match letter {
             'H' => self.s.frame.h,
@@ -389,7 +391,7 @@ impl Turtle<'_> {
             }
             C::MoveTo(relative) => {
                 self.close_segment();
-                // Unlike those of steps, the lengths of a move by a vector are not scaled.
+                // The length of a move by a vector is not scaled, unlike that of a step.
                 let by = self.target(m, false);
                 self.jump_to(if relative { self.s.p + by } else { by }, m);
             }
@@ -397,7 +399,7 @@ impl Turtle<'_> {
                 self.close_segment();
                 let to = self.target(m, relative);
                 self.line(to, turns, m);
-                // As with `F`, the radius at the end of the line.
+                // A fourth parameter is the radius at the end of the line, as with `F`.
                 if m.params.len() > 3 {
                     self.set_end_radius(3, m);
                 }
@@ -470,7 +472,7 @@ impl Turtle<'_> {
             self.set_color(color);
             self.step((1.0 - FRAME_HEAD) * length, m, true, false);
             self.close_segment();
-            // The head is a cone of its own, which does not taper the shaft.
+            // The head is a separate cone, so that it does not taper the shaft.
             let width = self.s.width;
             self.jump_to(self.s.p, m);
             self.set_width(FRAME_HEAD_WIDTH * width);
@@ -577,7 +579,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Sets the radius of L-Py. A negative one is reported and leaves the present one.
+    /// Sets the radius of L-Py. A negative radius is reported, and the present one is kept.
     pub(super) fn set_radius(&mut self, radius: f64, m: Module<'_>) {
         if radius < -LPY_EPSILON {
             let message = format!("a radius of {radius:.6} is negative, and is not set");

@@ -36,7 +36,7 @@ impl Turtle<'_> {
                 self.finish_cylinder(m);
             }
             ('G', 't') => {
-                // One number is that of both sides.
+                // A single number applies to both sides.
                 let a = self.param(m, 0, TANGENT[0]);
                 let b = self.param(m, 1, if m.params.is_empty() { TANGENT[1] } else { a });
                 self.rare.cylinder.tangent = [a, b];
@@ -47,7 +47,7 @@ impl Turtle<'_> {
                 _ => {
                     // A tangent of length l at the angle a to the axis changes the radius by l sin(a).
                     let [a1, l1] = [0, 1].map(|i| self.param(m, i, 0.0));
-                    // Two numbers are those of both sides.
+                    // Two numbers apply to both sides.
                     let [a2, l2] = [2, 3].map(|i| self.param(m, if m.params.len() < 4 { i - 2 } else { i }, 0.0));
                     let slope = |angle: f64, length: f64| length * math::sin(radians(angle));
                     self.rare.cylinder.slopes = Some([slope(a1, l1), slope(a2, l2)]);
@@ -163,7 +163,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Begins what `{` begins: with parameter 1 to 4 a spline, else a polygon.
+    /// Begins the shape that `{` opens: with parameter 1 to 4 a spline, otherwise a polygon.
     pub(super) fn open_shape(&mut self, m: Module<'_>) {
         let kind = self.param(m, 0, 0.0);
         match OpenCylinder::of_parameter(kind) {

@@ -40,7 +40,7 @@ impl TurtleFrame {
 
     /// Takes as left the part of `l` that is perpendicular to the heading (one Gram-Schmidt step), and up from both.
     fn set_left(&mut self, l: DVec3) {
-        // Without a perpendicular part, any direction across the heading serves.
+        // If `l` has no perpendicular part, any direction perpendicular to the heading will do.
         let across = l - self.h * l.dot(self.h);
         self.l = across.try_normalize().unwrap_or_else(|| self.h.any_orthonormal_vector());
         self.u = self.h.cross(self.l);
@@ -80,7 +80,7 @@ impl TurtleFrame {
         }
     }
 
-    /// Sets heading and, if given, up; without it the smallest turn from `last`.
+    /// Sets the heading and, if given, up; without it, left and up follow from `last` by the smallest rotation.
     pub fn set(&mut self, h: DVec3, up: Option<DVec3>, last: &Self) {
         let Some(h) = h.try_normalize() else { return };
         *self = last.with_heading(h);

@@ -10,9 +10,10 @@ use osier_base::convert::saturating_index;
 use osier_base::math;
 use osier_grammar::{Module, Spline};
 
-/// Straight pieces by which a curve is measured, at least. Own: more change no point by a thousandth of its length.
+/// Minimum number of straight pieces by which a curve is measured. Own: more pieces shift no point by a thousandth of
+/// the length.
 const MIN_PIECES: usize = 1024;
-/// Sides by which an open or closed contour is drawn, at least; those of a polyline are its lines, divided.
+/// Minimum number of sides of an open or closed contour; the sides of a polyline are its lines, subdivided.
 const MIN_SIDES: usize = 16;
 /// Most steps of a sweep. Own: rings that lie closer cannot be seen.
 const MAX_SWEEP_STEPS: f64 = 1e4;
@@ -61,7 +62,7 @@ impl GuideCurve {
     }
 }
 
-/// The guide of a branch: a curve, stretched to a length, and how far the turtle has come on it.
+/// The guide of a branch: a curve, stretched to a length, and the turtle's position on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Guide {
     /// Number of the curve.
@@ -88,7 +89,7 @@ impl Turtle<'_> {
         self.begin_guide(id, length, turns_about_up, is_mirrored, m);
     }
 
-    /// Sets the guide of the branch; false, with a warning, for a curve that cannot be one.
+    /// Sets the guide of the branch. Returns false, with a warning, for a curve that cannot be a guide.
     fn begin_guide(&mut self, id: f64, length: f64, turns_about_up: bool, is_mirrored: bool, m: Module<'_>) -> bool {
         let Some(key) = self.guide_curve(id, m) else { return false };
         let Some(curve) = self.guide_curves.get(&key) else { return false };
@@ -105,8 +106,8 @@ impl Turtle<'_> {
         true
     }
 
-    /// The key of a curve of the model, which is measured when it is met first; `None`, with a warning, for one in space, one
-    /// without length and a number that is none.
+    /// The key of a curve of the model, which is measured on first use. `None`, with a warning, for a curve in space, a
+    /// curve without length and a number without a curve.
     fn guide_curve(&mut self, id: f64, m: Module<'_>) -> Option<u32> {
         let curve = self.grammar.curve(id);
         let key = key_of(id);
@@ -162,7 +163,7 @@ impl Turtle<'_> {
         chord.length() * scale
     }
 
-    /// Turns the heading to the tangent of the guide behind a step, so that organs stand along the curve.
+    /// Turns the heading to the tangent of the guide after a step, so that organs stand along the curve.
     pub(super) fn align_with_guide(&mut self) {
         let Some(guide) = self.rare.dialect.guide else { return };
         let Some(curve) = self.guide_curves.get(&guide.id) else { return };
@@ -179,7 +180,7 @@ impl Turtle<'_> {
         if n <= 0.0 {
             return;
         }
-        // To the left about up, or upwards about left.
+        // Turn to the left about up, or upwards about left.
         if guide.turns_about_up {
             TurtleFrame::yaw(&mut self.s.frame, c / n, s / n);
         } else {
@@ -215,7 +216,8 @@ impl Turtle<'_> {
         true
     }
 
-    /// `StartGC`: with a contour the steps up to `EndGC` are one surface. Tubes of circles are one axis without it.
+    /// `StartGC`: with a contour, the steps up to `EndGC` become one surface. Round tubes form one axis even without
+    /// this command.
     pub(super) fn start_lpy_cylinder(&mut self, m: Module<'_>) {
         self.rare.dialect.is_in_cylinder = true;
         if self.rare.cylinder.contour != 0 {
@@ -231,13 +233,14 @@ impl Turtle<'_> {
 
     fn begin_contour_cylinder(&mut self, m: Module<'_>) {
         self.finish_cylinder(m);
-        // Steps are short where a surface bends: its tangents are those of the turtle, its pieces straight.
+        // The model's steps are short where the surface bends, so its tangents are the turtle's headings and its pieces
+        // are nearly straight.
         self.rare.cylinder.tangent = [1.0, 1.0];
         self.open_cylinder(OpenCylinder::new(CurveKind::Hermite, false), m);
         self.cylinder_point(1);
     }
 
-    /// Notes the end of a drawn step on the surface that is open here.
+    /// Adds the end of a drawn step to the surface that is open here.
     pub(super) fn lpy_cylinder_point(&mut self, m: Module<'_>) {
         if self.rare.cylinder.contour == 0 {
             return;
@@ -251,13 +254,15 @@ impl Turtle<'_> {
         }
     }
 
-    /// The factor that a parameter gives the radius at a share of the length: a function of the model, else 1.
+    /// Factor on the radius at a share of the length: the value of the model's function that parameter `i` names;
+    /// `None` without such a function.
     pub(super) fn radius_factor(&mut self, m: Module<'_>, i: usize, share: f64) -> Option<f64> {
         let id = m.params.get(i).map(|_| self.param(m, i, 0.0))?;
         self.grammar.curve_value(id, share)
     }
 
-    /// `Sweep(path, section, length, dlength, radius, radiusvariation)`: a surface across a section along a path. The turtle stays.
+    /// `Sweep(path, section, length, dlength, radius, radiusvariation)`: sweeps a section along a path into a surface.
+    /// The turtle does not move.
     pub(super) fn sweep(&mut self, m: Module<'_>) {
         let [path, section, length] = [(0, 0.0), (1, 0.0), (2, 1.0)].map(|(i, default)| self.param(m, i, default));
         let step = self.param(m, 3, 0.1 * length);
@@ -298,7 +303,8 @@ impl Turtle<'_> {
         self.align_with_guide();
     }
 
-    /// Radius of a path at a share of its length, where its parameters give one: the radius, times the function if there is one.
+    /// Radius of a path at a share of its length: the third parameter times the function that the fourth one names;
+    /// `None` without such a function.
     pub(super) fn path_radius(&mut self, m: Module<'_>, share: f64) -> Option<f64> {
         let factor = self.radius_factor(m, 3, share)?;
         Some((self.param(m, 2, LPY_RADIUS) * factor).max(0.0))

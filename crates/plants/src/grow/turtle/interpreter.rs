@@ -11,13 +11,16 @@ use super::guides::GuideCurve;
 use super::options::TurtleOptions;
 use super::patches::TurtlePatches;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
+use super::step_part::{ModuleGrowth, StepGrowth};
 use super::tropism;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, QueryAnswer, QueryValue, TurtleAction, TurtleAnswers};
+use osier_grammar::{
+    BindingEvaluator, Dialect, Grammar, Module, ModuleString, QueryAnswer, QueryValue, TurtleAction, TurtleAnswers,
+};
 use osier_scene::plant::PAINTED;
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
@@ -30,7 +33,7 @@ const MAX_STEP: f64 = 1e12;
 /// Where the next segment is attached.
 #[derive(Debug, Clone, Copy)]
 struct Attachment {
-    /// The axis that the next segment extends; `None`: it opens one.
+    /// The axis that the next segment extends; `None`: the segment opens an axis.
     axis: Option<u32>,
     /// The node that carries a new axis; `None`: it is a root.
     parent: Option<NodeSite>,
@@ -114,7 +117,7 @@ impl<T: Copy> std::ops::DerefMut for Branched<T> {
     }
 }
 
-/// Corners of a polygon. Own: the time to divide one into triangles grows with the square of their number.
+/// Most corners of a polygon. Own: the time to divide one into triangles grows with the square of their number.
 const MAX_CORNERS: usize = 20_000;
 
 /// A polygon between `{` and `}`.
@@ -143,7 +146,7 @@ struct TurtleWarning {
     symbol: (Option<char>, char),
     message: String,
     help: String,
-    /// Where it comes from; `None`: the first place of the symbol.
+    /// Location in the grammar; `None`: the first occurrence of the symbol.
     span: Option<osier_base::diagnostic::Span>,
     count: u64,
 }
@@ -205,12 +208,14 @@ pub(super) struct Turtle<'a> {
     /// A command of LParser that waits for its number.
     pub(super) pending: PendingNumber,
     commands: Vec<Command>,
+    /// How far the module that is drawn has grown.
+    pub(super) growth: ModuleGrowth,
     pub(super) symbols: Vec<char>,
     pub(super) s: TurtleState,
     stack: Vec<TurtleState>,
     pub(super) rare: Branched<RareState>,
     polygons: Vec<Polygon>,
-    /// Of each bracket level the cylinder that is open there.
+    /// The open cylinder of each bracket level.
     pub(super) cylinders: Vec<Option<OpenCylinder>>,
     pub(super) patches: TurtlePatches,
     /// Contours of the scene, and those that models of L-Py make, by their numbers.
@@ -220,8 +225,9 @@ pub(super) struct Turtle<'a> {
     prefix: Prefix,
     /// Axis whose last segment still waits for its end width.
     open_segment: Option<u32>,
-    /// Cosine and sine of a turn without parameter.
+    /// Cosine and sine of a turn without parameter, and its angle in degrees.
     default_turn: (f64, f64),
+    default_degrees: f64,
     pub(super) angles: AngleCache,
     pub builder: PlantBuilder,
     pub(super) shape_prototypes: PrototypeCache,
@@ -231,10 +237,10 @@ pub(super) struct Turtle<'a> {
     max_stack: u64,
     max_nodes: u64,
     max_organs: u64,
-    /// A limit was exceeded or a command is forbidden: nothing more is drawn.
+    /// True once a limit was exceeded or a forbidden command was met: nothing more is drawn.
     pub(super) halted: bool,
     pub sets_widths: bool,
-    /// Brackets open since a `%` behind which nothing is drawn; `None`: everything is drawn.
+    /// Number of open brackets since a `%`, after which nothing is drawn; `None`: everything is drawn.
     cut: Option<usize>,
     /// Index in the string of the module that is drawn.
     pub(super) index: usize,
@@ -301,6 +307,7 @@ impl<'a> Turtle<'a> {
             dialect,
             pending: PendingNumber::default(),
             commands: (0_u16..).zip(&symbols).map(|(i, c)| command(i, *c)).collect(),
+            growth: ModuleGrowth::WHOLE,
             bindings,
             symbols,
             s,
@@ -314,6 +321,7 @@ impl<'a> Turtle<'a> {
             prefix: Prefix::None,
             open_segment: None,
             default_turn: (math::cos(angle), math::sin(angle)),
+            default_degrees: angle.to_degrees(),
             angles: AngleCache::default(),
             builder: PlantBuilder::default(),
             shape_prototypes: PrototypeCache::default(),
@@ -332,7 +340,8 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Warns of parameter `i` of a module, which is no usable number (L041), at the place that makes it.
+    /// Warns (L041) that parameter `i` of a module is not a usable number, at the place in the grammar that computes
+    /// it.
     pub(super) fn warn_of_parameter(&mut self, m: Module<'_>, i: usize, message: String, help: &str) {
         let c = self.grammar.symbols().get(m.symbol);
         let known = self.warnings.len();
@@ -378,6 +387,29 @@ impl<'a> Turtle<'a> {
         if self.halted { Err(self.grammar.report(list)) } else { Ok(list) }
     }
 
+    /// By symbol, whether it draws a segment or moves.
+    pub fn step_symbols(&self) -> Vec<bool> {
+        self.commands.iter().map(|command| command.is_step()).collect()
+    }
+
+    /// Interprets one module of a string whose last derivation step is drawn in part. `index`: index in the string of
+    /// the module that `m` draws; `before`: the string before the last step.
+    pub fn growing_module(&mut self, m: Module<'_>, index: usize, growth: &StepGrowth, before: &ModuleString) {
+        self.removed_steps(index, growth, before);
+        self.growth = growth.modules.get(index).copied().unwrap_or(ModuleGrowth::WHOLE);
+        self.module(m);
+    }
+
+    /// Draws the segments and moves that the last derivation step removes, up to the module of this index: they shrink in place.
+    pub fn removed_steps(&mut self, index: usize, growth: &StepGrowth, before: &ModuleString) {
+        let first = std::mem::replace(&mut self.index, index + 1);
+        let from = growth.removed.partition_point(|removed| removed.at < first);
+        for removed in growth.removed[from..].iter().take_while(|removed| removed.at <= index) {
+            self.growth = growth.of_removed;
+            self.module(before.get(removed.of));
+        }
+    }
+
     /// Interprets one module; modules must come in the order of the string.
     pub fn module(&mut self, m: Module<'_>) {
         if self.halted {
@@ -405,14 +437,14 @@ impl<'a> Turtle<'a> {
                 }
             }
             Prefix::Organ => {
-                let size = self.param(m, 0, 1.0);
+                let size = self.param(m, 0, 1.0) * self.growth.size;
                 self.organ(c, size, m);
             }
             Prefix::Query => self.query(c),
         }
     }
 
-    /// Whether a symbol is cut: a `%`, or a symbol behind one on the same branch. The bracket that closes the branch is not cut.
+    /// Whether a symbol is cut: a `%`, or a symbol after one on the same branch. The bracket that closes the branch is not cut.
     fn is_cut(&mut self, c: char) -> bool {
         match (self.cut, c) {
             (None, '%') if self.dialect.kind.has_cpfg_commands() && self.prefix == Prefix::None => self.cut = Some(0),
@@ -443,7 +475,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Performs a command that is a single symbol, or notes the prefix of a command of several symbols.
+    /// Performs a command that is a single symbol, or records the prefix of a command of several symbols.
     fn command(&mut self, command: Command, c: char, m: Module<'_>) {
         if command == Command::Nothing {
             return;
@@ -454,14 +486,18 @@ impl<'a> Turtle<'a> {
         match command {
             Command::Draw | Command::DrawOnly | Command::Move | Command::MoveOnly => {
                 let draws = matches!(command, Command::Draw | Command::DrawOnly);
-                let length = self.param(m, 0, 1.0);
+                let length = self.param(m, 0, 1.0) * self.growth.length;
                 self.step(length, m, draws, matches!(command, Command::Draw | Command::Move));
             }
             Command::Yaw(p) => self.turn(m, p, c, TurtleFrame::yaw),
             Command::Pitch(p) => self.turn(m, p, c, TurtleFrame::pitch),
             Command::Roll(p) => self.turn(m, p, c, TurtleFrame::roll),
+            Command::TurnAround if self.growth.turn < 1.0 => {
+                let (cos, sin) = self.angles.cos_sin(180.0 * self.growth.turn);
+                self.s.frame.yaw(cos, sin);
+            }
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
-            // The end of a sub-L-system, else the textbook's `@v`.
+            // Ends a sub-L-system if one is open; otherwise acts as the textbook's `@v`.
             Command::Level => match self.subsystems.pop() {
                 Some(OuterSize { scale, width }) => (self.s.scale, self.s.width) = (scale, width),
                 None => self.s.frame.level(),
@@ -473,7 +509,7 @@ impl<'a> Turtle<'a> {
                 let step = if up { self.options.width_increment } else { -self.options.width_increment };
                 let scale = self.s.scale;
                 let width = match m.params.first() {
-                    Some(_) => self.param(m, 0, 0.0) * scale,
+                    Some(_) => self.param(m, 0, 0.0) * scale * self.growth.size,
                     None => self.s.width + step * scale,
                 };
                 self.set_width(width);
@@ -569,9 +605,12 @@ impl<'a> Turtle<'a> {
                 let help = "give the turn a parameter, or the plant an angle: --set angle_deg=90, angle_deg below [plants.NAME.turtle], or a view beside the grammar";
                 self.warn("L045", (None, c), "no angle given, 45 degrees assumed".into(), help);
             }
-            self.default_turn
+            match self.growth.turn {
+                part if part < 1.0 => self.angles.cos_sin(self.default_degrees * part),
+                _ => self.default_turn,
+            }
         } else {
-            let degrees = self.param(m, 0, 0.0);
+            let degrees = self.param(m, 0, 0.0) * self.growth.turn;
             self.angles.cos_sin(degrees)
         };
         f(&mut self.s.frame, cos, if positive { sin } else { -sin });
@@ -620,7 +659,7 @@ impl<'a> Turtle<'a> {
         a.axis.map(|axis| self.builder.site(axis)).or(a.parent)
     }
 
-    /// Leaves the current axis, to which no state returns: an axis is that of one bracket level.
+    /// Leaves the current axis. No saved state returns to it, because an axis belongs to one bracket level.
     fn leave_axis(&mut self) {
         if let Some(axis) = self.s.attachment.axis.take()
             // An axis whose last segment waits for its end width is closed at the end.
@@ -700,7 +739,7 @@ impl<'a> Turtle<'a> {
                 }
             }
         }
-        // A cylinder that is open here is the stem itself.
+        // If a cylinder is open here, it is the stem, and no segment is drawn.
         let is_stem = self.cylinder().is_some();
         // A drawn step extends the current axis. A jump ends it: what is drawn next begins a new axis.
         if draws && !is_stem {
@@ -833,7 +872,8 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Interprets `@D` or `@T` without a further letter; other commands of two letters are ignored then.
+    /// Interprets `@D` or `@T` without a further letter; other commands of two letters are ignored without their second
+    /// letter.
     fn at_command_without_letter(&mut self, first: char, params: &[f32]) {
         let given = params.len();
         let value = |i: usize| params.get(i).map(|v| f64::from(*v)).filter(|v| v.is_finite()).unwrap_or(0.0);
@@ -888,7 +928,8 @@ impl<'a> Turtle<'a> {
                 self.add_elasticity(i, (m.params.len() > 1).then_some(e), sign);
             }
             ('T', 'p') => self.s.frame = self.s.last.with_heading(self.s.frame.h),
-            // The roll since the last segment counts as its own: the tropism of the next one turns on from here.
+            // The roll since the last segment counts as part of that segment: the tropism of the next segment starts
+            // from here.
             ('T', 'f') => self.s.last = self.s.frame,
             ('T', 'x') => self.set_texture(m),
             ('D' | 'T', _) => {

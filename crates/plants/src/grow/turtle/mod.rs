@@ -20,6 +20,7 @@ mod patches;
 mod pixels;
 mod prototypes;
 mod queries;
+mod step_part;
 mod tropism;
 
 use builder::PlantBuilder;
@@ -35,10 +36,13 @@ use interpreter::Turtle;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
-use osier_grammar::{BindingEvaluator, DerivedString, Dialect, Grammar, Interpretation, interpret};
+use osier_grammar::{
+    BindingEvaluator, DerivedString, Dialect, Grammar, Interpretation, Module, interpret, interpret_modules,
+};
 use osier_scene::plant::{NONE, Plant};
+use step_part::StepGrowth;
 
-/// A plant that a turtle drew, with what its grammar says meanwhile.
+/// A plant that a turtle drew, with the warnings and the output of its grammar.
 #[derive(Debug)]
 pub struct Drawing {
     /// The plant, validated.
@@ -64,14 +68,23 @@ pub fn grow(
 
 /// Interprets a derived string.
 /// # Errors
-/// `Input` with L043 for a command that is not available, L051 beyond a limit; what `plant::validate` refuses.
+/// `Input` with L043 for a command that is not available, L051 beyond a limit; the errors of `plant::validate`.
 /// Source: cpfg's turtle; frame, turns, taper and tropisms as in the lines of each command.
 pub fn draw(grammar: &Grammar, derived: &DerivedString, options: &TurtleOptions, limits: &Limits) -> Result<Drawing> {
     // Interpret every module in order; limits and forbidden commands are reported after the last one.
     let bindings = BindingEvaluator::new(grammar, derived, limits);
     let mut turtle = Turtle::new(grammar, bindings, options, limits);
     turtle.builder = PlantBuilder::for_modules(derived.module_count());
-    let Interpretation { mut warnings, output } = interpret(grammar, derived, limits, |m| turtle.module(m))?;
+    let Interpretation { mut warnings, output } = match derived.last_step() {
+        Some(step) => {
+            let growth = StepGrowth::new(grammar, derived, step, &turtle.step_symbols());
+            let mut draw = |m: Module<'_>, index: usize| turtle.growing_module(m, index, &growth, &step.before);
+            let interpreted = interpret_modules(grammar, derived, limits, &mut draw)?;
+            turtle.removed_steps(derived.modules.len(), &growth, &step.before);
+            interpreted
+        }
+        None => interpret(grammar, derived, limits, |m| turtle.module(m))?,
+    };
     turtle.end();
     warnings.extend(turtle.diagnostics()?);
     warnings.extend(turtle.bindings.warnings(grammar));
@@ -124,7 +137,7 @@ pub fn draw(grammar: &Grammar, derived: &DerivedString, options: &TurtleOptions,
     Ok(Drawing { plant, warnings, output })
 }
 
-/// Symbols that L037 names, those that occur most often first.
+/// Number of symbols that L037 names, the most frequent first.
 const NAMED_SYMBOLS: usize = 8;
 
 /// L037 for a string that draws nothing, with the symbols that it consists of.
@@ -151,5 +164,7 @@ fn nothing_drawn(grammar: &Grammar, derived: &DerivedString, limits: &Limits) ->
     Ok(Diagnostic::warning("L037", message, place, "made here").help(help))
 }
 
+#[cfg(test)]
+mod step_part_tests;
 #[cfg(test)]
 mod tests;

@@ -10,7 +10,7 @@ use crate::grow::radii::{Pipe, Taper};
 use osier_scene::plant::Proto;
 use osier_scene::{MaterialId, Mesh};
 
-/// Key of the organ `stalk` among those of a plant: no letter that a scene could name.
+/// Key of the organ `stalk` among the organs of a plant, a character that no scene can name.
 pub const STALK: char = '\u{e000}';
 
 /// A tropism: a growth response that turns the heading towards a direction before each step.
@@ -24,7 +24,7 @@ pub struct Tropism {
     pub intensity: f64,
     /// Susceptibility to bending at the start.
     pub elasticity: f64,
-    /// What `@Ti` without parameter adds.
+    /// Amount that `@Ti` without parameter adds to the elasticity.
     pub step: f64,
     /// Whether it rolls the turtle about its heading instead of turning the heading.
     pub torque: bool,
@@ -72,27 +72,27 @@ pub enum RadiusModel {
     Pipe(Pipe),
     /// A taper along each axis, whatever the string sets.
     Taper(Taper),
-    /// Turtle widths if the string sets any, else this taper.
+    /// Turtle widths if the string sets any, otherwise this taper.
     Hairs(Taper),
 }
 
 /// State that the turtle starts with, defaults of its commands, and the organs and materials that symbols name.
 #[derive(Debug, Clone)]
 pub struct TurtleOptions {
-    /// Turn without parameter, rad; `None`: 45 degrees, with a warning where it is used.
+    /// Angle of turns without parameter, rad; `None`: 45 degrees, with a warning where it is used.
     pub angle: Option<f64>,
     /// Size of one turtle unit, m.
     pub unit_m: f64,
     /// Diameter at the start, turtle units.
     pub width: f64,
-    /// What `#` and `!` without parameter add and take, turtle units.
+    /// Amount that `#` adds and `!` subtracts without parameter, turtle units.
     pub width_increment: f64,
     /// Colour index at the start, 0..255.
     pub color: u8,
     /// Whether all parts take the colour index from the start; else parts drawn before the first colour command take the
     /// materials of the plant.
     pub painted: bool,
-    /// What `;` and `,` without parameter add and take; indices wrap at 256.
+    /// Amount that `;` adds and `,` subtracts without parameter; indices wrap at 256.
     pub color_increment: u8,
     /// Factor of lengths and widths at the start; commands `@D` change it.
     pub scale: f64,
@@ -106,7 +106,7 @@ pub struct TurtleOptions {
     pub old_tropism: DVec3,
     /// Elasticity of `old_tropism` at the start.
     pub old_elasticity: f64,
-    /// What `_` without a parameter adds to that elasticity.
+    /// Amount that `_` without a parameter adds to that elasticity.
     pub old_increment: f64,
     /// Whether a roll made since the last segment survives a tropism.
     pub tropism_keep_roll: bool,
@@ -118,12 +118,12 @@ pub struct TurtleOptions {
     pub sides: u32,
     /// Whether the cross-sections of generalised cylinders roll with the turtle; else they have the least twist.
     pub twist: bool,
-    /// Whether the part of the final string behind a `%` is drawn, up to the end of its branch.
+    /// Whether the part of the final string from a `%` to the end of its branch is drawn.
     pub past_cut: bool,
     /// Materials by the number that `@Tx` gives; 0 is no texture.
     pub textures: BTreeMap<u32, MaterialId>,
-    /// For organs with an end point, in the units of their meshes: the turtle moves there once it has placed the organ. After
-    /// other organs it stays.
+    /// End points of organs that have one, in the units of their meshes: the turtle moves there after it has placed the
+    /// organ. After other organs it stays in place.
     pub organ_ends: BTreeMap<char, DVec3>,
     /// Names of the plant's materials, which the indices below refer to.
     pub materials: Vec<String>,
@@ -137,6 +137,9 @@ pub struct TurtleOptions {
     pub shape_material: MaterialId,
     /// Whether radii come from the string's widths, the pipe model or a taper.
     pub radii: RadiusModel,
+    /// Part of the last step of the derivation that is drawn, above 0 and below 1: what the step changes grows in proportion. `None`: the
+    /// whole step.
+    pub step_part: Option<f64>,
     /// Description of the plant's origin, for manifests.
     pub source: String,
 }
@@ -172,6 +175,7 @@ impl Default for TurtleOptions {
             shoot_radius: 0.008,
             shape_material: 0,
             radii: RadiusModel::Auto,
+            step_part: None,
             source: String::new(),
         }
     }

@@ -73,7 +73,7 @@ impl Turtle<'_> {
         }
         // Three parameters: a stretched prototype of ratios x/y and z/y, scaled by y. The lineage picks the variant,
         // since prototypes are chosen before they are stretched.
-        let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 1.0));
+        let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 1.0) * self.growth.size);
         if x > 0.0 && y > 0.0 && z > 0.0 {
             let pick = range.pick(m.lineage());
             match self.shape_prototypes.stretched(&mut self.builder.protos, pick, [x / y, z / y]) {
@@ -102,7 +102,7 @@ impl Turtle<'_> {
 
     /// A disc facing the viewer (`o`), a disc in the turtle's frame (`c`) or a sphere (`O`) of diameter `d`, turtle units.
     pub(super) fn place_disc_or_sphere(&mut self, c: char, d: f64, m: Module<'_>) {
-        let d = d * self.s.scale * self.options.unit_m;
+        let d = d * self.s.scale * self.options.unit_m * self.growth.size;
         let material = self.shape_material(c != 'O');
         let protos = &mut self.builder.protos;
         let proto = if c == 'O' {

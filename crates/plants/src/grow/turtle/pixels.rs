@@ -10,7 +10,8 @@ use osier_scene::plant::Plant;
 /// Thinnest and thickest pixel, as shares of the largest extent of the drawing. Own: a curve fills a picture of some 1000 pixels;
 /// a line of three of them can be seen in a picture of half that size.
 const PIXEL: [f64; 2] = [1.0 / 1000.0, 1.0 / 300.0];
-/// Lines are at most this share of the mean length of a segment thick, so that the corners of a fine curve stay apart.
+/// Largest thickness of a line as a share of the mean length of a segment, so that the corners of a fine curve stay
+/// apart.
 const SHARE_OF_SEGMENT: f64 = 0.25;
 
 /// Size of a pixel in this plant, m; 0 for a plant without extent.
@@ -25,13 +26,13 @@ pub(super) fn pixel_size(plant: &Plant) -> f64 {
     (mean * SHARE_OF_SEGMENT).clamp(extent * PIXEL[0], extent * PIXEL[1])
 }
 
-/// Extent, m, up to which lengths are taken as those of a real plant, whose twigs keep their radius.
+/// Extent, m, up to which the units of a plant count as metres, so that its twigs keep their radius.
 const REAL_EXTENT: f64 = 20.0;
 /// Radius of a twig as a share of the extent beyond [`REAL_EXTENT`], so that a twig is about a pixel wide in a picture of 800.
 const TWIG: f64 = 1.0 / 1600.0;
 
-/// Radius of the tips of a plant without widths, m: `own`, or more for plants so large that their units are not metres and that
-/// such twigs would be invisible.
+/// Radius of the tips of a plant without widths, m: `own`, or more for plants so large that their units cannot be
+/// metres and twigs of this radius would be invisible.
 pub(super) fn visible_tip(plant: &Plant, own: f64) -> f64 {
     let beyond = extent(plant) - REAL_EXTENT;
     if beyond.is_finite() { own.max(beyond * TWIG) } else { own }
@@ -60,7 +61,7 @@ fn radius(r: f64) -> f32 {
     narrow(r).max(1e-6)
 }
 
-/// L046: how wide a pixel is drawn.
+/// Warning L046, which states how wide a pixel is drawn.
 pub(super) fn warning(pixel: f64, place: Span) -> Diagnostic {
     let message = format!("line widths are pixels; one pixel is drawn {:.3} mm wide", pixel * 1e3);
     let help = "a pixel is a share of the drawing's size; for other widths set line = \"cylinder\" and width";

@@ -19,7 +19,7 @@ const SIDES: u32 = 16;
 /// Rings of a sphere between its poles.
 const RINGS: u32 = 7;
 
-/// Indices of the prototypes created so far, by what makes them equal.
+/// Indices of the prototypes created so far, by the properties in which shared prototypes agree.
 #[derive(Debug, Default)]
 pub(super) struct PrototypeCache {
     polygons: BTreeMap<(MaterialId, Vec<i32>), Option<u16>>,
@@ -59,7 +59,8 @@ fn unique_name(name: &str, earlier: usize) -> String {
 }
 
 impl PrototypeCache {
-    /// Prototype of a planar polygon; `Ok(None)` if it has no area. `corners`: in plant space, m; `pose`: of the prototype.
+    /// Prototype of a planar polygon; `Ok(None)` if it has no area. `corners`: corners in plant space, m; `pose`: pose
+    /// of the prototype.
     pub fn polygon(
         &mut self,
         protos: &mut Vec<Proto>,
@@ -263,7 +264,7 @@ fn sphere_mesh() -> Mesh {
         }
     }
     let row = SIDES + 1;
-    // Quads between the rings, halved; at the poles, where one edge has no length, only one of both triangles.
+    // Each quad between the rings gives two triangles; at the poles, where one edge has no length, only one of them.
     for ring in 0..=RINGS {
         for i in 0..SIDES {
             let (a, b) = (ring * row + i, (ring + 1) * row + i);

@@ -2,10 +2,13 @@
 
 use super::interpreter::Turtle;
 use super::options::TurtleOptions;
-use osier_base::Result;
+use super::step_part::interpolate_heirs;
+use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
+use osier_base::{Error, Result};
 use osier_grammar::{
-    BindingEvaluator, DeriveOptions, DerivedString, Grammar, TurtleAnswers, derive_with_queries, interpret_modules,
+    BindingEvaluator, DeriveOptions, DerivedString, Grammar, TurtleAnswers, derive_part, derive_with_queries,
+    interpret_modules,
 };
 
 /// Derives a grammar for [`super::grow`], as [`osier_grammar::derive_deferred`] does. Queries `?P ?H ?L ?U ?Q` and bounds such as
@@ -18,6 +21,9 @@ pub fn derive(
     turtle: &TurtleOptions,
     limits: &Limits,
 ) -> Result<DerivedString> {
+    if let Some(part) = turtle.step_part {
+        return derive_growing(grammar, options, turtle, part, limits);
+    }
     if !grammar.has_queries() {
         return osier_grammar::derive_deferred(grammar, options, limits);
     }
@@ -26,17 +32,49 @@ pub fn derive(
 
 /// Derives the string of a grammar as text, as [`osier_grammar::derive_text`] does; queries are answered as by [`derive()`].
 /// # Errors
-/// Those of [`derive()`].
+/// Those of [`derive()`]; `Input` with L063 if a part of a step is requested, which text cannot show.
 pub fn derive_text(
     grammar: &Grammar,
     options: &DeriveOptions,
     turtle: &TurtleOptions,
     limits: &Limits,
 ) -> Result<DerivedString> {
+    if turtle.step_part.is_some() {
+        return Err(refused(
+            grammar,
+            "a part of a step can be drawn, but not written as a string",
+            "use a whole number of steps",
+        ));
+    }
     if !grammar.has_queries() {
         return osier_grammar::derive_text(grammar, options, limits);
     }
     derive(grammar, options, turtle, limits)
+}
+
+/// Derives a string whose last step is drawn only by the share `part`.
+fn derive_growing(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    turtle: &TurtleOptions,
+    part: f64,
+    limits: &Limits,
+) -> Result<DerivedString> {
+    let mut derived = derive_part(grammar, options, part, limits)?;
+    let own = Turtle::new(grammar, BindingEvaluator::new(grammar, &derived, limits), turtle, limits);
+    if !own.dialect.kind.has_cpfg_commands() {
+        let help = "use a whole number of steps, or `osier convert --to cpfg`";
+        return Err(refused(grammar, "a part of a step can be drawn of grammars in the notation of cpfg only", help));
+    }
+    let step_symbols = own.step_symbols();
+    interpolate_heirs(grammar, &mut derived, &step_symbols);
+    Ok(derived)
+}
+
+/// The error L063 for a part of a step.
+fn refused(grammar: &Grammar, message: &str, help: &str) -> Error {
+    let place = grammar.place_of(None, 'F');
+    grammar.report(vec![Diagnostic::error("L063", message.to_owned(), place, "here").help(help)])
 }
 
 fn answers(

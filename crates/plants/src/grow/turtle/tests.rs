@@ -12,7 +12,7 @@ use osier_grammar::{DeriveOptions, GrammarSource, derive, parse};
 use osier_scene::Mesh;
 use osier_scene::plant::{NONE, validate};
 
-fn read(text: &str) -> Grammar {
+pub(super) fn read(text: &str) -> Grammar {
     let mut sources = Sources::default();
     let defines = BTreeMap::new();
     let mut includes = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!("includes nothing") };

@@ -5,7 +5,7 @@ use super::season::Season;
 use super::tree::{Loss, NONE, Tree, flag};
 use osier_base::math;
 
-/// Least light that an open tip counts with in deep shade: it stays alive until its patience ends.
+/// Smallest light assumed for an open tip in deep shade, so that it stays alive until its patience ends.
 const DARK_TIP: f32 = 0.002;
 /// Mean of 1 / sin e over the directions of the sky; e: elevation.
 const MEAN_PATH: f32 = 1.47;
@@ -16,12 +16,12 @@ const CONTROL_RANGE: [f32; 2] = [0.02, 0.98];
 /// Light per metre of living wood, in fully lit tips, from which `reiterate` has no effect.
 const FULL_LIGHT_PER_METRE: f32 = 3.0;
 
-/// Years in which a late stem lives on the reserves of the others, and the light that these are worth, in fully lit tips. Own: hazel sends
-/// up shoots of a metre in deep shade.
+/// Years in which a late stem lives on the reserves of the others, and the light to which these reserves correspond, in
+/// fully lit tips. Own: hazel sends up shoots of a metre in deep shade.
 const SPROUT_YEARS: f32 = 5.0;
 const SPROUT_LIGHT: f32 = 2.0;
 
-/// Bare stretch beyond a node that bears several living branches: none, and marked as such.
+/// Stands for the bare stretch beyond a node that bears several living branches: such a node ends the stretch.
 const BORNE_TWICE: f32 = -1.0;
 
 impl Tree {
@@ -217,14 +217,14 @@ impl Tree {
         }
     }
 
-    /// Apical control at a node: the weight of its continuation against its side branches and buds.
+    /// Apical control at a node: the weight of its continuation relative to its side branches and buds.
     pub(super) fn control_at(&self, season: &Season, i: usize) -> f32 {
         let control = season.apical_control[usize::from(self.nodes.order[i])];
         apical_share(self.habit.reiterate, control, self.nodes.gathered[i], self.scratch.wood[i])
     }
 }
 
-/// Light that a stem counts for at least in its first years because older stems feed it; 0 for those of the first year.
+/// Smallest light assumed for a stem in its first years, because older stems feed it; 0 for stems of the first year.
 #[inline]
 fn sprout_reserve(birth: f32, year: u32) -> f32 {
     let fed = birth > 0.0 && year as f32 - birth <= SPROUT_YEARS;

@@ -12,7 +12,7 @@ use super::tree::{NONE, Nodes, Tree, flag, index_of, y_axis};
 use osier_base::math;
 use osier_base::simd::{F32Lanes, Lane as _};
 
-/// Mass of dead wood over that of living wood.
+/// Density of dead wood divided by that of living wood.
 const DEAD_DENSITY: f32 = 0.6;
 /// Bends that would move the end of the axis by less than this, m, are postponed until the gains of moment add up to it: most
 /// twigs need no bend in most years.
@@ -74,8 +74,8 @@ impl Tree {
         let mut group = TurningGroup::default();
         for first in (0..count).step_by(WINDOW) {
             window.begin(first, count.min(first + WINDOW), &mut wood);
-            // Internodes of one round do not depend on each other. Those of living branches are computed in lanes, the others one
-            // by one.
+            // Internodes of one round do not depend on each other. Internodes of living branches are computed in SIMD
+            // lanes, the others one by one.
             for round in window.rounds() {
                 for &k in round {
                     let k = usize::from(k);
@@ -92,7 +92,7 @@ impl Tree {
 
     fn turning(&mut self) -> Turning<'_> {
         let scratch = &mut self.scratch;
-        // Each of them is set before a child reads it.
+        // Every rotation is set before a child reads it.
         scratch.turn.resize(self.nodes.len(), Quat::IDENTITY);
         Turning {
             habit: &self.habit,
@@ -104,7 +104,7 @@ impl Tree {
         }
     }
 
-    /// [`Self::bend`] without lanes.
+    /// Scalar variant of [`Self::bend`].
     #[cfg(test)]
     pub fn bend_one_by_one(&mut self) {
         self.sum_weights();
@@ -119,7 +119,8 @@ impl Tree {
     }
 }
 
-/// Internodes that are looked at together, so that many of them are computed at once while all are in the nearest cache.
+/// Number of internodes that are processed together: enough to compute many at once, few enough to stay in the
+/// first-level cache.
 const WINDOW: usize = 256;
 
 /// The internodes of a window, sorted by rounds: an internode turns in the round after its parent.
@@ -149,7 +150,7 @@ impl Default for Window {
 }
 
 impl Window {
-    /// Looks at the internodes from `first` up to `last`.
+    /// Sets up the window for the internodes from `first` up to `last`.
     fn begin(&mut self, first: usize, last: usize, wood: &mut Turning<'_>) {
         self.ends.fill(0);
         self.count = 0;
@@ -170,7 +171,7 @@ impl Window {
             self.ends[usize::from(self.round[k])] += 1;
             self.count = self.count.max(usize::from(self.round[k]) + 1);
         }
-        // A counting sort: first where each round begins, in the end where it ends.
+        // A counting sort: `ends` first holds where each round begins, and in the end where it ends.
         let mut sum = 0;
         for end in &mut self.ends[..self.count] {
             sum += std::mem::replace(end, sum);
@@ -201,12 +202,12 @@ struct Load {
     /// Torque about its base, and its magnitude, N m.
     torque: Vec3,
     moment: f32,
-    /// Angle by which what was added this year bends it, rad, and whether it bends it in this year.
+    /// Angle by which the moment gained so far bends the internode, rad, and whether it is bent in this year.
     angle: f32,
     bends: bool,
 }
 
-/// Internodes that turn, with what turns them.
+/// The internodes of a tree while they turn, and the data on which their turns depend.
 struct Turning<'a> {
     habit: &'a Habit,
     /// Sine and cosine of the elevation that each axis turns to.
@@ -218,7 +219,7 @@ struct Turning<'a> {
 }
 
 impl Turning<'_> {
-    /// The weight on an internode; stores its moment.
+    /// Computes the load on an internode and stores its moment.
     fn load(&mut self, i: usize) -> Load {
         let (habit, nodes) = (self.habit, &mut *self.nodes);
         let sag = habit.sag[usize::from(nodes.order[i])];
@@ -248,7 +249,7 @@ impl Turning<'_> {
         if nodes.flags[i] & flag::DEAD == 0 { self.habit.upright[usize::from(nodes.order[i])] } else { 0.0 }
     }
 
-    /// Whether an internode is of a branch that rights itself.
+    /// Whether an internode belongs to a branch that rights itself.
     fn rights(&self, i: usize) -> bool {
         self.nodes.order[i] > 0 && self.nodes.parent[i] != NONE && self.rate(i) > 0.0
     }
@@ -428,21 +429,21 @@ struct TurningGroup {
     radius: LaneRow,
     /// Rate of righting times length.
     rate: LaneRow,
-    /// The elevation that is sought.
+    /// Sine and cosine of the target elevation.
     sin_elevation: LaneRow,
     cos_elevation: LaneRow,
     /// Torque of the weight, N m; it has no part along y.
     torque_x: LaneRow,
     torque_z: LaneRow,
-    /// 1 if it bends, else 0.
+    /// 1 if the internode bends, otherwise 0.
     is_bent: LaneRow,
     /// Largest bend, rad.
     most: LaneRow,
-    /// Bend over the moment, rad / (N m).
+    /// Bend divided by the moment, rad / (N m).
     bends: LaneRow,
-    /// Squared length of the direction's level part.
+    /// Squared length of the horizontal part of the direction.
     level: LaneRow,
-    /// The deviation from the direction that is sought.
+    /// Sine and cosine of the deviation from the target direction.
     sine: LaneRow,
     cosine: LaneRow,
 }
@@ -456,7 +457,7 @@ impl TurningGroup {
     }
 }
 
-/// The operations of [`Turning::turn`] up to the bend, in the same order, so that they have the same bits.
+/// The operations of [`Turning::turn`] up to the bend, in the same order, so that the results are equal bit for bit.
 struct BendKernel<'a>(&'a mut TurningGroup);
 
 impl WithSimd for BendKernel<'_> {
@@ -507,7 +508,7 @@ impl WithSimd for RightingKernel<'_> {
             let bent_x = is_bent.select_gt(0.5, (torque_x - d.x * along) * bend, zero);
             let bent_y = is_bent.select_gt(0.5, (zero - d.y * along) * bend, zero);
             let bent_z = is_bent.select_gt(0.5, (torque_z - d.z * along) * bend, zero);
-            // The direction that is sought: the heading, raised to the elevation (`raised`).
+            // The target direction: the heading, raised to the target elevation (`raised`).
             let level = d.x * d.x + zero * zero + d.z * d.z;
             let per_level = F32Lanes::from_scalar(simd, 1.0).div(level.sqrt());
             let wanted = LaneVec {
@@ -566,7 +567,7 @@ fn angle_of_magnitude<S: Simd>(cosine: F32Lanes<S>) -> F32Lanes<S> {
     square.sqrt() * (square * (square * (square * (5.0 / 7168.0) + 3.0 / 640.0) + 1.0 / 24.0) + 1.0)
 }
 
-/// Part of a row.
+/// Loads a part of a row into lanes.
 #[inline(always)]
 fn load<S: Simd>(simd: S, row: &LaneRow, part: &Range<usize>) -> F32Lanes<S> {
     F32Lanes::partial_load(simd, &row[part.clone()])
@@ -679,7 +680,7 @@ fn small_rotation(v: Vec3) -> Quat {
     Quat::from_xyzw(v.x, v.y, v.z, 1.0 - t * (1.0 / 8.0 - t * (1.0 / 384.0 - t / 46080.0)))
 }
 
-/// A quaternion that is nearly of unit length, by one step of Newton's iteration for its length.
+/// Normalises a quaternion of nearly unit length by one step of Newton's iteration.
 #[inline]
 fn renormalized(q: Quat) -> Quat {
     q * (1.5 - 0.5 * q.length_squared())

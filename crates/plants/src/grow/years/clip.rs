@@ -26,7 +26,7 @@ pub struct PoseNow {
     pub p: Vec<Vec3>,
     /// Rotations into plant space, +Y along the axis.
     pub q: Vec<Quat>,
-    /// Radii, m; 0 for nodes that are not there at this time.
+    /// Radii, m; 0 for nodes that do not exist at this time.
     pub r: Vec<f32>,
     /// Leaves, in the order of the organs of [`GrowthClip::plant`].
     pub leaves: Vec<LeafNow>,
@@ -41,7 +41,8 @@ pub struct GrowthClip {
     record: Arc<GrowthRecord>,
     options: PlantOptions,
     sources: Vec<NodeSource>,
-    /// Radius of each node of the plant over that of its source; below 1 where validation made a branch thinner than its parent.
+    /// Radius of each node of the plant divided by that of its source; below 1 where validation made a branch thinner
+    /// than its parent.
     thinning: Vec<f32>,
     slots: Option<LeafSlots>,
 }
@@ -49,7 +50,7 @@ pub struct GrowthClip {
 impl GrowthRecord {
     /// The record as a validated plant that can be posed at any age.
     /// # Errors
-    /// `Limit` for more organs than allowed; what `plant::validate` refuses.
+    /// `Limit` for more organs than allowed; the errors of `plant::validate`.
     pub fn clip(self: &Arc<Self>, options: &PlantOptions, clip: ClipOptions, limits: &Limits) -> Result<GrowthClip> {
         let all = self.wood_of_all();
         let tree = self.tree_of_all(&all);
@@ -63,7 +64,7 @@ impl GrowthRecord {
         }
         let age = narrow(self.span().from.max(self.span().to)).max(0.1);
         let mut builder = AxisBuilder::new(&tree, age, options, plant);
-        let gone = (0..nodes.len()).map(|i| self.is_gone(i)).collect();
+        let gone = (0..nodes.len()).map(|i| self.has_fallen(i)).collect();
         builder.clip = Some(ClipNodes { gone });
         builder.add_axes(None);
         let (sources, at) = (builder.sources, builder.at);

@@ -40,8 +40,8 @@ const STAYS: f32 = f32::INFINITY;
 /// Whether the leaves of a clip follow the seasons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClipLeaves {
-    /// They unfold in spring and fall in autumn, on species whose leaves live one year; those of others (`leaf_years` above 1) fall at the
-    /// end of their last year, when new ones have unfolded.
+    /// Leaves unfold in spring and fall in autumn on species whose leaves live one year; leaves of other species
+    /// (`leaf_years` above 1) fall at the end of their last year, when new ones have unfolded.
     Seasons,
     /// Crowns are in leaf all year: tips keep their leaves as they grow.
     Summer,
@@ -119,8 +119,8 @@ pub(super) struct LeafSlots {
     first_life: Vec<u32>,
     /// Size factor of the plant's organ at each place.
     scales: Vec<f32>,
-    /// Leaves of the plant's organs at each place, of size 0: where a place waits for its first leaf. As it does not move, formats that leave
-    /// out what interpolation restores need no samples of it.
+    /// Pose of each place while it waits for its first leaf: that of the plant's organ, of size 0. Because it does not
+    /// move, formats that omit samples which interpolation restores write none of it.
     pub waiting: Vec<LeafNow>,
 }
 
@@ -159,7 +159,7 @@ impl LeafSlots {
         };
         let mut lives = slots.all_lives(record, options.clip.leaves);
         let [first, last] = record.ages();
-        // Only what is seen between the first and the last frame needs a place.
+        // Only leaves that are visible between the first and the last frame need a place.
         lives.retain(|life| life.unfolds < last && life.falls + FALLING > first);
         slots.share_places(record, lives, options)?;
         Ok(slots)
@@ -236,7 +236,7 @@ impl LeafSlots {
             return [born.clamp(year - 1.0 + SPRING, year - 1.0 + LATEST_SPRING), year - 1.0 + AUTUMN];
         }
         let years = tree.habit.leaf_years.ceil().max(1.0);
-        // Early enough for the leaf before it to be gone at the end of the year.
+        // The new leaf unfolds early enough for the leaf before it to have fallen by the end of the year.
         let unfolds = born.min(year - LEAD);
         let living = record.last_living_year(i);
         // Three ends: the branch dies first; the leaf outlives the record; it falls of age.
@@ -305,7 +305,7 @@ impl LeafSlots {
         &self.lives[self.first_life[place] as usize..self.first_life[place + 1] as usize]
     }
 
-    /// The leaf to show at a place at an age: the one that is there, else the next one, else the last one.
+    /// The leaf to show at a place at an age: the present one, otherwise the next one, otherwise the last one.
     fn life_at(&self, place: usize, age: f32) -> Option<&LeafLife> {
         let lives = self.lives_of(place);
         let begun = lives.partition_point(|life| life.unfolds <= age);
@@ -335,8 +335,8 @@ impl LeafSlots {
         (0..self.scales.len()).map(now).collect()
     }
 
-    /// The places as organs of a plant, where their last leaves are. `at`: for each node of the tree, its axis and arc length in
-    /// the plant.
+    /// The places as organs of a plant, at the sites of their last leaves. `at`: for each node of the tree, its axis
+    /// and arc length in the plant.
     pub fn organs(&self, plant: &Plant, record: &GrowthRecord, all: &Wood, at: &[NodeSite]) -> Vec<Organ> {
         let last = record.ages()[1];
         let mut organs = Vec::with_capacity(self.scales.len());
@@ -446,7 +446,7 @@ struct LeafOnWood {
     leaf: PlacedLeaf,
 }
 
-/// A cut through an internode, as its leaves meet it.
+/// A cut through an internode, with the data that its leaves need.
 struct CutOfLeaves {
     /// Age of the tree at the cut, years.
     time: f32,
@@ -456,7 +456,7 @@ struct CutOfLeaves {
 
 /// Cuts through the internode of a node, in the order of years.
 fn cuts_of_leaves(tree: &Tree, i: usize) -> Vec<CutOfLeaves> {
-    // Each later cut began with what the one before it had left.
+    // Each later cut started from the length that the cut before it had left.
     let left = tree.cuts_through(i).skip(1).map(|next| next.length).chain([tree.nodes.length[i]]);
     tree.cuts_through(i).zip(left).map(|(cut, left)| CutOfLeaves { time: cut.time(), left }).collect()
 }

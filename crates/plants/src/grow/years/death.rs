@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::light::LightField;
 use super::season::Season;
+use super::shoots::axis_elevation;
 use super::site::Prune;
 use super::tree::{Bud, CutThrough, Loss, NONE, Purpose, Tree, flag, index_of};
 use osier_base::math::GOLDEN_ANGLE_F32;
@@ -17,19 +18,20 @@ const LINGER_MAX: f32 = 1.5;
 const LIFT_ALL_YEAR: u32 = 8;
 /// Least and greatest height below which branches of an axis are removed, as a share of the clear stem, so that no crown ends level.
 const LIFT_ALL_SHARE: [f32; 2] = [0.35, 2.2];
-/// Distance over which that height varies from place to place, m: the curtain below a limb ends higher or lower as a whole.
+/// Distance over which the height of removal varies from place to place, m: the foliage below a limb ends higher or
+/// lower as a whole.
 const HEM_LENGTH: f32 = 2.2;
-/// Numbers of [`HEM_LENGTH`] after which that height repeats itself: more than any crown has.
+/// Period of the noise that varies this height, in units of [`HEM_LENGTH`]: longer than any crown.
 const HEM_PERIOD: [i32; 2] = [256, 256];
-/// Contrast of that height: its noise, of a magnitude below 1, is mostly below 0.4.
+/// Factor on this noise, whose magnitude is below 1 and mostly below 0.4.
 const HEM_CONTRAST: f32 = 2.4;
-/// Weight of the place in that height against a draw for each axis.
+/// Weight of the noise in the height of removal; the rest is a random draw for each axis.
 const HEM_WEIGHT: f32 = 0.7;
 /// Number of limbs above a low limb with which it is compared.
 const LIMBS_ABOVE: usize = 4;
 /// The number of tips below which a limb stands alone, as a share of the mean of the limbs above it.
 struct LoneShare {
-    /// Share where the tips of the next limb are as high as its own.
+    /// Share if the tips of the next limb are as high as those of the limb itself.
     level: f32,
     /// Increase of the share for a gap below the next limb that is as high as the tree.
     per_gap: f32,
@@ -42,19 +44,19 @@ const SUCCESSION_REACH: f32 = 2.0;
 const DORMANT_MAX: u8 = 3;
 /// Most buds that wake at a node in a year.
 const WAKE_AT_NODE: u8 = 2;
-/// Most buds that wake for a cut, or on an axis that became lighter, in a year.
+/// Most buds that wake in a year for a cut, or on an axis that receives more light.
 const WAKE_AT_CUT: u8 = 6;
 /// Share of its light that a node must lose for its dormant buds to wake.
 const WAKE_LOSS: f32 = 0.5;
 /// Gain of light at which dormant buds wake.
 const WAKE_LIGHT: f32 = 0.3;
-/// Years between two looks at the light of dormant buds: crowns open slowly, and most of the wood has such buds.
+/// Years between two examinations of the light of dormant buds: crowns open slowly, and most of the wood has such buds.
 const LOOK_YEARS: u32 = 3;
-/// First number of a woken bud at its node; smaller ones are those of its shoot.
+/// Number of the first woken bud at its node; smaller numbers belong to the buds that grew with the shoot.
 const FIRST_WOKEN: u8 = 16;
 /// Most buds that wake at a node in its life: their numbers end at 63.
 const WOKEN_MAX: u8 = 47;
-/// Losses of less light are those of starved tips, and wake nothing.
+/// Smallest loss of light that wakes buds; smaller losses are those of starved tips.
 const LEAST_LOSS: f32 = 0.01;
 /// Steps of the bisection for the place of a cut: 1e-5 of an internode.
 const BISECTIONS: usize = 16;
@@ -166,8 +168,8 @@ impl Tree {
         self.fallen += 1;
     }
 
-    /// Removes low branches: side axes of the stem below the clear stem and, in older trees, what hangs down from any branch below
-    /// [`Self::lift_share`] of the clear stem.
+    /// Removes low branches: side axes of the stem below the clear stem and, in older trees, side axes that hang down
+    /// from any branch below [`Self::lift_share`] of the clear stem.
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
         let highest = if season.year > LIFT_ALL_YEAR { LIFT_ALL_SHARE[1] * lift } else { f32::NEG_INFINITY };
@@ -181,7 +183,7 @@ impl Tree {
             }
             let parent = nodes.parent[i] as usize;
             let on_stem = nodes.flags[i] & flag::MAIN == 0 && nodes.order[parent] == 0 && nodes.s[parent] < lift;
-            // Limbs that rise from the stem stay: what hangs from them is cut.
+            // Limbs that rise from the stem stay; axes that hang down from them are removed.
             let sinks = nodes.order[i] > 0 && nodes.p[i].y < nodes.p[parent].y;
             let low = sinks && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
             let hangs = low && nodes.p[i].y < lift * self.lift_share(i);
@@ -195,7 +197,7 @@ impl Tree {
         }
     }
 
-    /// Lets what stands on a removed branch fall with it.
+    /// Lets all wood on a removed branch fall with it.
     fn fall_with_carriers(&mut self) {
         for i in 0..self.nodes.len() {
             let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
@@ -205,8 +207,9 @@ impl Tree {
         }
     }
 
-    /// Removes limbs that stand alone below the crown: from the lowest on, those that bear few tips against the [`LIMBS_ABOVE`] limbs
-    /// above them. The farther below the next one a limb is, the more it has to bear. Own: the crown shades what lives on below it.
+    /// Removes limbs that stand alone below the crown: from the lowest on, those that bear few tips compared with the
+    /// [`LIMBS_ABOVE`] limbs above them. The farther a limb is below the next one, the more tips it must bear. Own: the
+    /// crown shades what lives on below it.
     fn shed_lone_limbs(&mut self) {
         let limbs = self.limbs();
         let top = limbs.iter().fold(0.0_f32, |top, limb| top.max(limb.height));
@@ -260,8 +263,8 @@ impl Tree {
         limbs
     }
 
-    /// Height below which a node is removed, as a share of the clear stem, by its place and by a draw for its axis, which is low more
-    /// often than high.
+    /// Height below which a node is removed, as a share of the clear stem. It depends on the node's position and on a
+    /// random draw for its axis, which is low more often than high.
     fn lift_share(&self, i: usize) -> f32 {
         let p = self.nodes.p[i] / HEM_LENGTH;
         let place = (0.5 + 0.5 * HEM_CONTRAST * noise::gradient2(self.key, [p.x, p.z], HEM_PERIOD)).clamp(0.0, 1.0);
@@ -344,7 +347,7 @@ impl Tree {
         any
     }
 
-    /// Makes side axes the continuations of their parents. `leader_at`: the new continuation by node.
+    /// Makes side axes the continuations of their parents. `leader_at`: the new continuation of each node.
     fn promote(&mut self, leader_at: &[u32], season: &Season) {
         // Orders by which to lower a node and arc length to add to it, passed on from parents to children.
         let mut down = vec![0_u8; self.nodes.len()];
@@ -368,10 +371,11 @@ impl Tree {
             }
             nodes.order[i] = nodes.order[i].saturating_sub(down[i]);
             nodes.s[i] += ahead[i];
-            // An axis whose order falls turns to the elevation of its new order.
-            if down[i] > 0 {
+            // An axis whose order falls turns to the elevation of its new order; all its internodes have one order.
+            if down[i] > 0 && nodes.axis[i] != nodes.axis[parent] {
                 let (axis, order) = (nodes.axis[i] as usize, usize::from(nodes.order[i]));
-                self.axis_elevations[axis] = self.axis_elevation(self.axis_ids[axis], order, season);
+                let deviation = self.leaving_deviation(self.axis_ids[axis]);
+                self.axis_elevations[axis] = axis_elevation(deviation, order, season);
             }
         }
     }
@@ -413,7 +417,7 @@ impl Tree {
         for loss in losses.iter().filter(large) {
             let (mut i, mut count) = (loss.at as usize, 0);
             while i < self.nodes.len() && count < WAKE_AT_CUT {
-                // The light of last year is the sum of what is left and what is lost.
+                // The light of last year is the sum of the remaining and the lost light.
                 let left = if self.nodes.lives(i) { self.nodes.gathered[i] } else { 0.0 };
                 let lost = self.scratch.lost_light[i];
                 if lost <= WAKE_LOSS * (left + lost) {
@@ -438,7 +442,7 @@ impl Tree {
             }
             self.nodes.light[i] = q;
         }
-        // By axis, from its tip down.
+        // Sort by axis, each from its tip down.
         lighter.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.cmp(&a.1)));
         for axis in lighter.chunk_by(|a, b| a.0 == b.0) {
             let mut count = 0;
@@ -470,8 +474,8 @@ impl Tree {
         count
     }
 
-    /// Makes a failed bud dormant at its node, with the probability `epicormic`; a node keeps at most three. `light`: at the
-    /// node.
+    /// Makes a failed bud dormant at its node, with the probability `epicormic`; a node keeps at most three. `light`:
+    /// light at the node.
     pub fn add_dormant(&mut self, i: usize, draw_id: u64, light: f32) {
         let share = f64::from(self.habit.epicormic);
         let stays = share >= 1.0 || share > 0.0 && self.draw(draw_id, Purpose::Dormant).chance(share);

@@ -218,7 +218,7 @@ habit! {
 }
 
 impl Habit {
-    /// Whether the trunk is cleared of low branches: not of a shrub, whose several stems keep them.
+    /// Whether low branches of the trunk are removed; false for a shrub, whose several stems keep theirs.
     pub fn clears_stem(&self) -> bool {
         self.stems < 1.5
     }
@@ -281,7 +281,7 @@ impl Habit {
         self.leaf_area_shoot * (self.leaf_young + (1.0 - self.leaf_young) * old)
     }
 
-    /// Ridges of the root flare.
+    /// Number of ridges of the root flare.
     pub fn ridges(&self) -> u32 {
         whole(self.buttresses).into()
     }

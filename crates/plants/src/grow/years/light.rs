@@ -191,7 +191,7 @@ impl Grid {
     }
 }
 
-/// Largest whole number that is not greater, without a call where it fits an integer; a zero may lose its sign.
+/// Floor of a number, without a function call where it fits an integer; a zero may lose its sign.
 #[inline]
 #[allow(clippy::cast_possible_truncation, reason = "used within the range of integers")]
 fn floor(v: f32) -> f32 {
@@ -205,7 +205,8 @@ fn floor(v: f32) -> f32 {
     }
 }
 
-/// Side of the smallest cells, at least [`CELL`], of which at most [`MAX_CELLS`] cover a box with its margin, m. `size`: of the box, m.
+/// Smallest side of a cell, m, at least [`CELL`], with which at most [`MAX_CELLS`] cells cover a box and its margin.
+/// `size`: size of the box, m.
 fn cell_side(size: Vec3) -> f32 {
     let most = |cell: f32| {
         // Rounding to the lattice of the anchor may add a cell at either end.
@@ -215,7 +216,7 @@ fn cell_side(size: Vec3) -> f32 {
     if most(CELL) <= MAX_CELLS {
         return CELL;
     }
-    // Cells as long as the box are few enough.
+    // If the side of a cell equals the longest side of the box, there are few enough cells.
     let (mut low, mut high) = (CELL, size.max_element());
     for _ in 0..CELL_BISECTIONS {
         let middle = 0.5 * (low + high);
@@ -280,7 +281,7 @@ pub(super) struct LightField {
 }
 
 impl LightField {
-    /// The light in the cells marked in `wanted`. `opaque`: cells inside solids.
+    /// Computes the light in the cells marked in `wanted`. `opaque`: cells inside solids.
     pub fn compute(areas: &LeafAreas, sky: &[SkyDirection], opaque: &[u32], wanted: &CellMarks) -> Self {
         let grid = areas.grid;
         // Optical depth of a cell passed straight down = extinction x leaf area / ground area of the cell. The cells whose light
@@ -313,7 +314,7 @@ impl LightField {
         Self { grid, samples, light }
     }
 
-    /// Light in a cell that was marked; darkness from above in any other.
+    /// Light in a cell that was marked; in any other cell no light, with the direction up.
     #[inline]
     pub fn in_cell(&self, cell: u32) -> Light {
         let sample = self.samples.get(cell as usize).copied().unwrap_or(NO_SAMPLE);
@@ -321,7 +322,7 @@ impl LightField {
     }
 }
 
-/// By cell, whether light is computed in it.
+/// For each cell, whether light is computed in it.
 #[derive(Debug)]
 pub(super) struct CellMarks(Vec<bool>);
 

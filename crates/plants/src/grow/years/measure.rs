@@ -18,13 +18,13 @@ pub struct Measures {
     pub crown_center: Vec3,
     /// Diameter of its thickest stem at 1.3 m of length, m; 0 for a smaller tree.
     pub dbh: f32,
-    /// Internodes that stand, dead ones included.
+    /// Number of standing internodes, including dead ones.
     pub nodes: usize,
     /// Number of living tips that are open: they bear leaves and may grow on.
     pub tips: usize,
     /// One-sided area of the leaves on living wood, m2.
     pub leaf_area: f32,
-    /// Leaf area over the area of a disc of diameter `crown_width`; 0 for a crown without width.
+    /// Leaf area divided by the area of a disc of diameter `crown_width`; 0 for a crown without width.
     pub leaf_area_index: f32,
 }
 

@@ -61,7 +61,7 @@ pub struct TreeSpec {
     pub habit: Habit,
     /// Seed of the random draws of its growth.
     pub seed: u64,
-    /// Names the plant in random draws and ids.
+    /// Number that identifies the plant in random draws and ids.
     pub id: u32,
     /// Place of its base in the scene, m.
     pub base: Vec3,
@@ -236,7 +236,7 @@ fn grow_group(
     }
     let part = |spec: &TreeSpec| narrow(spec.age - f64::from(full_years(spec.age)));
     if members.iter().any(|s| part(s) > 0.0) {
-        // The last year is grown whole for all, then taken back for those whose age has no fraction.
+        // The last year is grown in full for all trees, then undone for those whose age has no fraction.
         let before = stand.trees.clone();
         stand.grow_year(false)?;
         for (((tree, before), spec), record) in stand.trees.iter_mut().zip(before).zip(&members).zip(&mut records) {

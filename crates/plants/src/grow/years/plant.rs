@@ -93,7 +93,7 @@ impl PlantOptions {
 impl GrownTree {
     /// The tree as a validated plant, in its own space: the origin is the tree's base.
     /// # Errors
-    /// `Limit` for more organs than allowed; what `plant::validate` refuses.
+    /// `Limit` for more organs than allowed; the errors of `plant::validate`.
     pub fn plant(&self, options: &PlantOptions, limits: &Limits) -> Result<Plant> {
         let mut plant = options.plant_without_axes(self.id, self.seed);
         let leaves = options.foliage.as_ref().and_then(|foliage| TreeFoliage::new(&self.tree, foliage));
@@ -182,11 +182,11 @@ pub(super) struct AxisBuilder<'a> {
     age: f32,
     options: &'a PlantOptions,
     pub plant: Plant,
-    /// By node of the tree, its place in the plant; no axis if it was not added.
+    /// For each node of the tree, its site in the plant; no axis if it was not added.
     pub at: Vec<NodeSite>,
-    /// Only for a tree that is shown in a clip.
+    /// Set only for a tree that is shown in a clip.
     pub clip: Option<ClipNodes>,
-    /// By node of the plant, the nodes of the tree from which it is posed.
+    /// For each node of the plant, the nodes of the tree from which it is posed.
     pub sources: Vec<NodeSource>,
 }
 
@@ -197,7 +197,7 @@ impl<'a> AxisBuilder<'a> {
     }
 
     /// Whether a node falls before the end of the clip; false without a clip.
-    fn is_gone(&self, i: usize) -> bool {
+    fn has_fallen(&self, i: usize) -> bool {
         self.clip.as_ref().is_some_and(|clip| clip.gone[i])
     }
 
@@ -206,7 +206,7 @@ impl<'a> AxisBuilder<'a> {
         let nodes = &self.tree.nodes;
         let children = Children::new(self.tree);
         self.at = vec![NodeSite { axis: NONE, s: 0.0 }; nodes.len()];
-        // Stems that have still to sprout are not there; a clip shows some as they come out of the ground.
+        // Stems that have not sprouted yet are left out; a clip shows some as they come out of the ground.
         let is_root = |i: &usize| {
             let has_sprouted = self.clip.is_some() || nodes.birth[*i] <= self.age;
             nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0 && has_sprouted
@@ -228,7 +228,7 @@ impl<'a> AxisBuilder<'a> {
                     // At the end of an axis, a branch that is nearly as thick as the node joins the skin as a fork instead of
                     // piercing it.
                     let thick = nodes.r[*other as usize] > FORK_RADIUS * nodes.r[node];
-                    let forks = next.is_none() && thick && !self.is_gone(*other as usize);
+                    let forks = next.is_none() && thick && !self.has_fallen(*other as usize);
                     let fork = if forks { index_of(self.plant.axes.len()) } else { NONE };
                     branches.push(AxisStart { node: *other, fork });
                 }
@@ -246,16 +246,17 @@ impl<'a> AxisBuilder<'a> {
         }
     }
 
-    /// The child that continues the skin of a node's axis: its continuation while that lives or all is dead, else the thickest
-    /// living child that is thick and straight enough. Wood that stands is preferred to wood that falls during a clip.
+    /// The child that continues the skin of a node's axis: its continuation while that lives or all children are dead,
+    /// otherwise the thickest living child that is thick and straight enough. Wood that stands is preferred to wood
+    /// that falls during a clip.
     fn continuation(&self, children: &Children, node: usize) -> Option<u32> {
         let nodes = &self.tree.nodes;
-        let stays = |c: usize| self.is_gone(c) == self.is_gone(node);
+        let stays = |c: usize| self.has_fallen(c) == self.has_fallen(node);
         let same_state = |c: usize| nodes.lives(c) == nodes.lives(node) && stays(c);
         let is_main = |c: &&u32| nodes.flags[**c as usize] & flag::MAIN != 0;
         // A living axis continues in living wood, a dead one in dead wood: the material changes only between axes.
         let main = children.of(node).iter().filter(is_main).find(|c| same_state(**c as usize));
-        let falling = children.of(node).iter().filter(is_main).find(|c| self.is_gone(**c as usize));
+        let falling = children.of(node).iter().filter(is_main).find(|c| self.has_fallen(**c as usize));
         if main.is_some() || !nodes.lives(node) || nodes.flags[node] & (flag::OPEN | flag::CUT) != 0 {
             return main.or(falling).copied();
         }
@@ -278,7 +279,7 @@ impl<'a> AxisBuilder<'a> {
         let (head, tail) = (start.node as usize, chain.last().copied().unwrap_or(start.node) as usize);
         let carrier = nodes.parent[head] as usize;
         // An axis that falls during the clip has no parent: it must not thicken with one that continues to grow.
-        let breaks_off = self.is_gone(head) && carrier < nodes.len() && !self.is_gone(carrier);
+        let breaks_off = self.has_fallen(head) && carrier < nodes.len() && !self.has_fallen(carrier);
         let on = self.at.get(carrier).copied().filter(|_| !breaks_off);
         let parent = on.and_then(|on| self.plant.axes.get(on.axis as usize));
         // The axis begins on the parent's centreline as the skin has it, from which straight nodes were left out.
@@ -381,7 +382,7 @@ impl<'a> AxisBuilder<'a> {
                 skipped += 1;
                 continue;
             }
-            // Arc lengths of the nodes left out: their shares of the straight piece.
+            // Nodes left out get the arc length of their projection onto the chord, clamped to its ends.
             let chord = way.length();
             for &left_out in &chain[k - skipped..=k] {
                 let part = (nodes.p[left_out as usize] - kept).dot(way) / (chord * chord).max(1e-12);
@@ -470,7 +471,7 @@ impl<'a> TreeFoliage<'a> {
         (bears && area > 0.0).then_some(Self { foliage, mean: MeanLeaf { scale, area } })
     }
 
-    /// Predicted number of organs: leaf area of the tree over that of the mean leaf; checked against the limit.
+    /// Predicted number of organs: leaf area of the tree divided by that of the mean leaf; checked against the limit.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
         (f64::from(tree.measures().leaf_area) / f64::from(self.mean.area)) as u64
@@ -486,8 +487,8 @@ impl<'a> TreeFoliage<'a> {
             }
             let site = at[i];
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
-            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip. In a part of a year those that
-            // come and go are there in part.
+            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip. Within a
+            // year, leaves that unfold or fall are shown in part.
             let shown = tree.share_along(i);
             match self.foliage {
                 Foliage::Needles(_) => self.add_needles(plant, tree, i, site, birth),
@@ -709,7 +710,8 @@ impl<'a> TreeFoliage<'a> {
     }
 }
 
-/// Whether the leaf of an id is among those that are shown, a share of all, 0 to 1; it stays among them in every larger share.
+/// Whether the leaf with this id is shown if a share of all leaves, 0 to 1, is shown; a leaf that is shown is also
+/// shown with every larger share.
 fn is_among(id: u64, share: f32) -> bool {
     share >= 1.0 || Rng::from_key(mix64(&[id, word("share")])).unit_f32() < share
 }

@@ -4,6 +4,9 @@ use super::season::Season;
 use super::tree::{NONE, Tree, flag};
 use osier_base::math;
 
+/// Margin larger than the relative error of a power in single precision and of its inverse.
+const POWER_ERROR: f32 = 1e-4;
+
 impl Tree {
     /// Thickens wood from the tips to the base.
     /// Source: [shinozaki], [eloy]: r^n = sum of r^n of living children + tip_radius^n of an open tip + pipes of dead children
@@ -33,13 +36,20 @@ impl Tree {
             // Greenhill: a column of length l = c d^(2/3) carries itself; solved for r = d / 2 this is 0.5 (l / c)^1.5, with part
             // = l / c.
             let least = 0.5 * part * part.sqrt();
-            if least > nodes.r[i] {
-                area = area.max(math::pow_f32(least, exponent));
+            // Powers are computed only where the wood grew.
+            let grew = area > nodes.area[i];
+            let mut r = if grew { math::pow_f32(area, root) } else { nodes.r[i] };
+            // The wood that the tips need is mostly thicker than that; the margin covers the rounding errors of both powers.
+            if least > nodes.r[i] && least * (1.0 + POWER_ERROR) > r {
+                let needed = math::pow_f32(least, exponent);
+                if needed > area {
+                    area = needed;
+                    r = math::pow_f32(area, root);
+                }
             }
-            // The power is computed only where the wood grew.
             if area > nodes.area[i] {
                 nodes.area[i] = area;
-                nodes.r[i] = math::pow_f32(area, root);
+                nodes.r[i] = r;
             }
             let parent = nodes.parent[i];
             if parent != NONE {

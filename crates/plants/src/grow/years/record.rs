@@ -10,12 +10,13 @@ const FALL_YEARS: f32 = 0.15;
 /// Most years that are stored. A clip of at most as many years shows the tree of each year within a centimetre; with every second
 /// year stored, 99 of 100 leaves are within 0.11 m.
 const MAX_KEYS: u32 = 40;
-/// Part of the clip for which wood that has thinned out keeps its place, before it lies at its base. Own: formats that keep fewer shapes
-/// than frames, at least 16, interpolate between them; a branch would shrink into its base between two of them instead of thinning out.
+/// Part of the clip for which wood that has thinned out keeps its place, before it is moved to its base. Own: formats
+/// that keep fewer shapes than frames, at least 16, interpolate between them; a branch would shrink into its base between two of them
+/// instead of thinning out.
 const KEPT_PART: f32 = 0.1;
 /// Years before the start over which the seedling appears.
 const SPROUTING: f32 = 0.1;
-/// A node that has not fallen.
+/// Year of fall of a node that has not fallen.
 const STANDS: u16 = u16::MAX;
 
 /// Ages at which a clip begins and ends, years; before age 0 nothing is shown.
@@ -161,11 +162,11 @@ impl GrowthRecord {
     }
 
     /// Whether a node has fallen by the end of the record.
-    pub(super) fn is_gone(&self, i: usize) -> bool {
+    pub(super) fn has_fallen(&self, i: usize) -> bool {
         self.fell[i] != STANDS
     }
 
-    /// First year of a node: that at whose end it exists.
+    /// First year of a node: the earliest at whose end it exists.
     pub(super) fn first_year(&self, i: usize) -> f32 {
         self.tree.nodes.birth[i].ceil()
     }
@@ -244,7 +245,8 @@ impl GrowthRecord {
             if let Some([start, end]) = self.fall_window(i).filter(|_| !all) {
                 // Falling wood thins out where it is; later, when it has not been seen for a while, it lies at its base.
                 shown *= 1.0 - ((time - start) / (end - start)).clamp(0.0, 1.0);
-                // The first internode of a fallen end draws back at once, or it would be a thorn on what stands.
+                // The first internode of a fallen axis end retracts at once; otherwise it would stick out of the
+                // standing wood like a thorn.
                 let carrier_stands = self.fell.get(parent).is_some_and(|year| *year > self.fell[i]);
                 let is_end = carrier_stands && nodes.axis[parent] == nodes.axis[i];
                 length *= f32::from(u8::from(time < end + if is_end { 0.0 } else { kept }));

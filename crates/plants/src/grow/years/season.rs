@@ -14,9 +14,9 @@ const GREENHILL: f32 = 0.788;
 pub(super) struct Season {
     /// Year of the tree's life that grows, from 1.
     pub year: u32,
-    /// By order, weight of an axis's continuation against its side branches and buds, 0..1.
+    /// For each order, weight of an axis's continuation relative to its side branches and buds, 0..1.
     pub apical_control: PerOrder,
-    /// By order, angle at which a shoot leaves its parent, rad.
+    /// For each order, angle at which a shoot leaves its parent, rad.
     pub angle: PerOrder,
     /// Standard deviation of `angle`, rad, for all orders.
     pub angle_var: f32,
@@ -43,7 +43,7 @@ impl Season {
             out
         };
         let juvenile = if habit.juvenile > 0.0 {
-            // In every year a seedling counts as 0.35 `juvenile` years older, so that it grows at all in its first.
+            // The tree counts as 0.35 `juvenile` years older than it is, so that a seedling grows in its first year.
             math::smoothstep(0.0, 1.0, (at + 0.35 * habit.juvenile) / habit.juvenile)
         } else {
             1.0

@@ -1,4 +1,4 @@
-//! What shades the trees of a field besides their own leaves: solids and unseen neighbours.
+//! Objects that shade the trees of a field besides their own leaves: solids and unseen neighbours.
 
 use glam::{Vec2, Vec3};
 
@@ -34,7 +34,8 @@ impl Neighbours {
         Bounds { min: Vec3::new(-r, 0.0, -r), max: Vec3::new(r, height * RING_HEIGHTS[1], r) }
     }
 
-    /// Adds the ring's leaves to the field. `base`: of the tree, in the field; `extinction`: of its species.
+    /// Adds the ring's leaves to the field. `base`: base of the tree in the field, m; `extinction`: extinction of its
+    /// species.
     pub(super) fn deposit(&self, areas: &mut LeafAreas, base: Vec3, height: f32, extinction: f32) {
         let grid = areas.grid;
         // The field holds areas times extinction: species absorb light differently.
@@ -97,10 +98,11 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
     cells
 }
 
-/// Whether a solid makes a cell opaque: with the cell's center in it, or with its surface near the center where the next cell behind
-/// that surface is in no solid: it is thinner than a cell and covers no other one, as the slabs of a roof cover a house. Tips in front
-/// of a thick wall stand in cells that let light pass. `all`: the solids with this one; `center`: of the cell, in the scene, m;
-/// `side`: of the cell, m.
+/// Whether a solid makes a cell opaque: either it contains the cell's center, or its surface is near the center and the
+/// next cell behind the surface is in no solid. The second case holds for a solid that is thinner than a cell and does
+/// not cover another solid, as the slabs of a roof cover a house. Tips in front of a thick wall stand in cells that let
+/// light pass. `all`: all solids, including this one; `center`: center of the cell in the scene, m; `side`: side of the
+/// cell, m.
 fn shades_cell(solid: &Solid, all: &Solids, center: Vec3, side: f32) -> bool {
     let near = solid.nearest(center);
     if near.distance < 0.0 || near.distance >= OPAQUE_REACH * side {
@@ -121,12 +123,12 @@ fn shades_cell(solid: &Solid, all: &Solids, center: Vec3, side: f32) -> bool {
 }
 
 /// Whether a cell of the given side lies below a land with its whole upper face, tested at the middle, the corners and the middles
-/// of the edges of that face. `center`: of the cell, in the scene, m.
+/// of the edges of that face. `center`: center of the cell in the scene, m.
 fn lies_below(land: &LandForm, center: Vec3, side: f32) -> bool {
     let half = 0.5 * side;
     let top = center.y + half;
     let steps = [0.0, -half, half];
-    // The middle comes first: most cells above the land end there.
+    // The middle is tested first: it rules out most cells above the land.
     steps.iter().all(|z| steps.iter().all(|x| land.height(Vec2::new(center.x + x, center.z + z)) >= top))
 }
 

@@ -40,7 +40,7 @@ const TWO_RANKED: f32 = 150.0;
 const TIP_TAPER: f32 = 0.6;
 /// Weakest whorl, as a share of the branches of the strongest.
 const WHORL_LEAST: f32 = 0.35;
-/// Projected directions of a smaller squared length count as zero.
+/// Projected directions whose squared length is below this count as zero.
 pub(super) const LEVEL_EPSILON: f32 = 1e-6;
 
 /// A shoot planned for this year.
@@ -171,8 +171,8 @@ impl Tree {
             let habit = &self.habit;
             let declined = hydraulics(habit, self.nodes.path[i], self.nodes.p[i].y);
             let wanted = (vigour * habit.shoot_rate[order] * season.juvenile * declined).min(habit.shoot_max[order]);
-            // If even the luckiest draw leaves the shoot short, none is drawn. Each draw has its own address, so that skipping
-            // one changes no other.
+            // If even the largest random factor leaves the shoot short, no factor is drawn. Each draw has its own
+            // address, so that skipping one changes no other.
             let luck = 1.0 + LENGTH_DEVIATION[1] * NORMAL_MAX;
             let mut length = 0.0;
             if wanted * luck >= habit.short_shoot {
@@ -205,25 +205,24 @@ impl Tree {
         let from = shoot.node as usize;
         let order = usize::from(self.nodes.order[from]) + usize::from(shoot.bud.is_some());
         // The start: from a bud at an angle to the node, from a tip straight on or, after the death of the apex, at a kink.
-        let (axis, first_index, mut azimuth) = match &shoot.bud {
+        let (axis, first_index, mut azimuth, mut q) = match &shoot.bud {
             Some(bud) => {
                 let id = self.axis_of_bud(bud);
+                let deviation = self.leaving_deviation(id);
                 self.axis_ids.push(id);
-                self.axis_elevations.push(self.axis_elevation(id, order, season));
-                (index_of(self.axis_ids.len() - 1), 0, self.first_azimuth(id))
+                self.axis_elevations.push(axis_elevation(deviation, order, season));
+                let q = self.leaving_frame(bud, order, season, deviation);
+                (index_of(self.axis_ids.len() - 1), 0, self.first_azimuth(id), q)
             }
             None => {
                 let azimuth = self.nodes.azimuth[from] + self.divergence(order);
-                (self.nodes.axis[from], self.nodes.index[from].saturating_add(1), azimuth)
+                let q = self.continued_frame(from, order, season);
+                (self.nodes.axis[from], self.nodes.index[from].saturating_add(1), azimuth, q)
             }
-        };
-        let mut q = match &shoot.bud {
-            Some(bud) => self.leaving_frame(bud, order, season),
-            None => self.continued_frame(from, order, season),
         };
         let is_short = shoot.bud.is_some() && shoot.length < self.habit.short_shoot;
 
-        // Internode by internode: turn, slide along what is in the way, add the node and its buds.
+        // Internode by internode: turn, slide along obstacles, add the node and its buds.
         let count = f32::from(shoot.count);
         let length = shoot.length / count;
         let light = self.scratch.cell.get(from).map_or(Vec3::Y, |cell| field.in_cell(*cell).from);
@@ -314,13 +313,13 @@ impl Tree {
         }
     }
 
-    /// Frame of a side shoot's base: turned away from the node by its angle, at the bud's azimuth.
-    fn leaving_frame(&self, bud: &Bud, order: usize, season: &Season) -> Quat {
+    /// Frame of a side shoot's base: turned away from the node by its angle, at the bud's azimuth. `deviation`:
+    /// deviation of that angle from the mean, in standard deviations.
+    fn leaving_frame(&self, bud: &Bud, order: usize, season: &Season, deviation: f32) -> Quat {
         let q = self.nodes.q[bud.node as usize];
         let d = y_axis(q);
         let range = LEAVE_RANGE.map(f32::to_radians);
-        let deviation = season.angle_var * self.leaving_deviation(self.axis_of_bud(bud));
-        let angle = (season.angle[order] + deviation).clamp(range[0], range[1]);
+        let angle = (season.angle[order] + season.angle_var * deviation).clamp(range[0], range[1]);
         // The vector across the parent, flattened towards the level plane.
         let across = q * Vec3::new(math::cos_f32(bud.azimuth), 0.0, math::sin_f32(bud.azimuth));
         let upright = Vec3::Y - d * d.y;
@@ -338,23 +337,8 @@ impl Tree {
     }
 
     /// How far the angle at which an axis leaves its parent is from the mean, in standard deviations.
-    fn leaving_deviation(&self, axis_id: u64) -> f32 {
-        normal(&mut self.draw(axis_id, Purpose::Leave))
-    }
-
-    /// Sine and cosine of the elevation that an axis of an order turns to.
-    /// Own: an axis that leaves its parent at a wider angle than others stays lower than they do, by as much; axes near the vertical
-    /// keep close to it. With one elevation for all, the limbs of a tree would become parallel.
-    pub(super) fn axis_elevation(&self, axis_id: u64, order: usize, season: &Season) -> [f32; 2] {
-        let [sine, cosine] = season.elevation[order];
-        let spread = season.angle_var * ELEVATION_SPREAD * cosine;
-        if order == 0 || spread <= 0.0 {
-            return [sine, cosine];
-        }
-        // The tangent of the angle by which it is lower; to the right angle it never comes.
-        let lower = spread * self.leaving_deviation(axis_id).clamp(-DEVIATION_MAX, DEVIATION_MAX);
-        let per_length = 1.0 / (1.0 + lower * lower).sqrt();
-        [(sine - lower * cosine) * per_length, ((cosine + lower * sine) * per_length).max(0.0)]
+    pub(super) fn leaving_deviation(&self, axis_id: u64) -> f32 {
+        PolarDraw::new(&mut self.draw(axis_id, Purpose::Leave)).normal()
     }
 
     /// Frame of the continuation of a tip: that of the tip or, where its apex dies and a side bud takes over, one with a kink.
@@ -366,19 +350,19 @@ impl Tree {
         }
         // The first draw of this stream gave the length of the shoot.
         let mut draw = self.tip_draw(from, season.year);
-        normal(&mut draw);
+        PolarDraw::new(&mut draw);
         if !draw.chance(death) {
             return q;
         }
         let angle = season.angle[(order + 1).min(ORDERS - 1)];
-        let kink = angle * (self.habit.kink[order] + KINK_DEVIATION * normal(&mut draw));
+        let kink = angle * (self.habit.kink[order] + KINK_DEVIATION * PolarDraw::new(&mut draw).normal());
         let azimuth = draw.unit_f32() * std::f32::consts::TAU;
         let about = q * Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
         (rotation(about, kink) * q).normalize()
     }
 
     /// Adds the buds at the end of a new internode; returns the azimuth from its first to the next node's.
-    /// `length`: of the whole shoot; `t`: place along it.
+    /// `length`: length of the whole shoot, m; `t`: position along it, 0..1.
     fn add_buds(&mut self, node: usize, id: u64, length: f32, t: f32, last: bool) -> f32 {
         let habit = &self.habit;
         let order = usize::from(self.nodes.order[node]);
@@ -392,7 +376,8 @@ impl Tree {
         let alive = f64::from(habit.bud_break[order]);
         let (count, chance, spacing) = if whorled {
             if last && length > LONG_ENOUGH[1] * habit.short_shoot {
-                // Strong leaders make full whorls; the number of branches goes with the root of the relative length.
+                // Strong leaders make full whorls; the number of branches is proportional to the square root of the
+                // relative length.
                 let size = (length / habit.shoot_max[order]).sqrt().clamp(WHORL_LEAST, 1.0);
                 let count = super::habit::whole(habit.whorl[order] * size).clamp(1, 12);
                 (count, alive, std::f32::consts::TAU / f32::from(count))
@@ -409,8 +394,9 @@ impl Tree {
         for slot in 0..count {
             // Both draws happen for dead buds too, so that the fate of one bud does not change the next.
             let lives = draw.chance(chance);
-            let jitter = deviation * normal(&mut draw);
+            let jitter = PolarDraw::new(&mut draw);
             if lives {
+                let jitter = deviation * jitter.normal();
                 let azimuth = self.nodes.azimuth[node] + f32::from(slot) * spacing + jitter;
                 // At most 12 buds in a whorl, 2 elsewhere.
                 let slot = u8::try_from(slot).unwrap_or(0);
@@ -428,39 +414,95 @@ fn internodes(length: f32, internode: f32) -> u16 {
     super::habit::whole((length / internode).ceil().max(1.0))
 }
 
-/// Two independent standard normal draws (Box-Muller), magnitude at most 5.8.
-fn normal_pair(draw: &mut Rng) -> [f32; 2] {
-    let [away, angle] = polar_draw(draw);
-    [away * math::cos_f32(angle), away * math::sin_f32(angle)]
+/// Sine and cosine of the elevation that an axis of an order turns to. `deviation`: deviation of the angle at which it
+/// leaves its parent from the mean, in standard deviations.
+/// Own: an axis that leaves its parent at a wider angle than others stays lower than they do, by as much; axes near the vertical
+/// keep close to it. With one elevation for all, the limbs of a tree would become parallel.
+pub(super) fn axis_elevation(deviation: f32, order: usize, season: &Season) -> [f32; 2] {
+    let [sine, cosine] = season.elevation[order];
+    let spread = season.angle_var * ELEVATION_SPREAD * cosine;
+    if order == 0 || spread <= 0.0 {
+        return [sine, cosine];
+    }
+    // `lower` is the tangent of the angle by which the axis is lower; the angle therefore stays below 90 degrees.
+    let lower = spread * deviation.clamp(-DEVIATION_MAX, DEVIATION_MAX);
+    let per_length = 1.0 / (1.0 + lower * lower).sqrt();
+    [(sine - lower * cosine) * per_length, ((cosine + lower * sine) * per_length).max(0.0)]
 }
 
-/// The first of [`normal_pair`].
-pub(super) fn normal(draw: &mut Rng) -> f32 {
-    let [away, angle] = polar_draw(draw);
-    away * math::cos_f32(angle)
+/// Two uniform draws, from which a pair of independent standard normal draws (Box-Muller) is computed only where it is needed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PolarDraw {
+    /// Draw of the distance from the origin.
+    away: f32,
+    /// Angle, as a part of a full turn.
+    turn: f32,
 }
 
-/// A point with normal coordinates by its distance from the origin and its angle, rad.
-fn polar_draw(draw: &mut Rng) -> [f32; 2] {
-    [polar_distance(draw.unit_f32()), std::f32::consts::TAU * draw.unit_f32()]
-}
+impl PolarDraw {
+    /// Takes two draws from a stream.
+    #[inline]
+    pub fn new(draw: &mut Rng) -> Self {
+        Self { away: draw.unit_f32(), turn: draw.unit_f32() }
+    }
 
-/// Distance from the origin of a point with normal coordinates, by a uniform draw of [0, 1).
-fn polar_distance(u: f32) -> f32 {
-    // 1 - u lies in (0, 1], so that the logarithm is finite.
-    (-2.0 * math::ln_f32(1.0 - u)).sqrt()
-}
+    /// Distance from the origin, 0 to [`NORMAL_MAX`].
+    #[inline]
+    fn distance(self) -> f32 {
+        // 1 - u lies in (0, 1], so that the logarithm is finite.
+        (-2.0 * math::ln_f32(1.0 - self.away)).sqrt()
+    }
 
-/// A bound of [`polar_distance`] that needs no logarithm: its values at a half, 0.86 and 0.98, rounded up, and at the largest draw.
-fn polar_bound(u: f32) -> f32 {
-    if u < 0.5 {
-        1.178
-    } else if u < 0.86 {
-        1.984
-    } else if u < 0.98 {
-        2.798
-    } else {
-        NORMAL_MAX
+    /// An upper bound of [`Self::normal`], at least 0, that needs neither logarithm nor cosine.
+    #[inline]
+    fn bound(self) -> f32 {
+        self.distance_bound() * self.cosine_bound()
+    }
+
+    /// An upper bound of [`Self::distance`]: its values at a half, 0.86 and 0.98, rounded up, and at the largest draw.
+    #[inline]
+    fn distance_bound(self) -> f32 {
+        if self.away < 0.5 {
+            1.178
+        } else if self.away < 0.86 {
+            1.984
+        } else if self.away < 0.98 {
+            2.798
+        } else {
+            NORMAL_MAX
+        }
+    }
+
+    /// An upper bound of the cosine of the angle, at least 0: its values at the ends of sixteenths of a turn, rounded
+    /// up.
+    #[inline]
+    fn cosine_bound(self) -> f32 {
+        // The cosine is even about half a turn.
+        let turn = self.turn.min(1.0 - self.turn);
+        if turn < 0.0625 {
+            1.0
+        } else if turn < 0.125 {
+            0.924
+        } else if turn < 0.1875 {
+            0.708
+        } else if turn < 0.25 {
+            0.383
+        } else {
+            0.0
+        }
+    }
+
+    /// One standard normal draw, magnitude at most [`NORMAL_MAX`].
+    #[inline]
+    pub fn normal(self) -> f32 {
+        self.distance() * math::cos_f32(std::f32::consts::TAU * self.turn)
+    }
+
+    /// Two independent standard normal draws, the first of which is [`Self::normal`].
+    #[inline]
+    fn pair(self) -> [f32; 2] {
+        let (distance, angle) = (self.distance(), std::f32::consts::TAU * self.turn);
+        [distance * math::cos_f32(angle), distance * math::sin_f32(angle)]
     }
 }
 
@@ -474,22 +516,17 @@ pub(super) struct Chance {
 }
 
 impl Chance {
-    /// The length of a shoot of which `wanted` is the mean; 0 where it is less than `needed`. The draw is that of [`normal`], which
-    /// is not completed where it cannot reach that length.
+    /// The length of a shoot of which `wanted` is the mean; 0 where it is less than `needed`. The normal draw is not computed where it
+    /// cannot reach that length.
     pub fn length(self, wanted: f32, needed: f32, draw: &mut Rng) -> f32 {
-        // More than the rounding errors of both sides.
+        // Exceeds 1 by more than the rounding errors of both sides of the comparison.
         const SURE: f32 = 1.0001;
-        let falls_short = |away: f32| wanted * (1.0 + self.deviation * away) * SURE < needed;
-        let u = draw.unit_f32();
-        if falls_short(polar_bound(u)) {
+        let falls_short = |normal: f32| wanted * (1.0 + self.deviation * normal) * SURE < needed;
+        let draw = PolarDraw::new(draw);
+        if falls_short(draw.bound()) {
             return 0.0;
         }
-        let away = polar_distance(u);
-        if falls_short(away) {
-            return 0.0;
-        }
-        let normal = away * math::cos_f32(std::f32::consts::TAU * draw.unit_f32());
-        let length = wanted * (1.0 + self.deviation * normal).max(self.least);
+        let length = wanted * (1.0 + self.deviation * draw.normal()).max(self.least);
         if length < needed { 0.0 } else { length }
     }
 }
@@ -503,7 +540,7 @@ fn rotation(about: Vec3, angle: f32) -> Quat {
 struct Turns {
     /// Standard deviation of the random turn's components.
     wander: f32,
-    /// Part of the way to the elevation.
+    /// Share of the turn towards the elevation that one internode makes, 0..1.
     rise: f32,
     /// Sine and cosine of the elevation to which the axis turns.
     elevation: [f32; 2],
@@ -521,12 +558,12 @@ impl Turns {
         }
     }
 
-    /// The direction after an internode.
+    /// The direction after one more internode.
     /// Source: d' = normalize(d + wander sqrt(l) N3 + (e - d)(1 - exp(-rate l)) + phototropism l g).
     fn turn(&self, d: Vec3, draw: &mut Rng) -> Vec3 {
         let mut to = d + self.light;
         if self.wander > 0.0 {
-            let ([x, y], [z, _]) = (normal_pair(draw), normal_pair(draw));
+            let ([x, y], z) = (PolarDraw::new(draw).pair(), PolarDraw::new(draw).normal());
             to += Vec3::new(x, y, z) * self.wander;
         }
         if self.rise > 0.0 {

@@ -39,7 +39,7 @@ pub enum Keep {
 }
 
 impl Keep {
-    /// Whether the point `p`, relative to the tree's base, is kept. `base`: in the scene.
+    /// Whether the point `p`, relative to the tree's base, is kept. `base`: base of the tree in the scene, m.
     pub(super) fn holds(&self, base: Vec3, p: Vec3) -> bool {
         match self {
             Self::Box { min, max } => p.cmpge(*min).all() && p.cmple(*max).all(),
@@ -55,7 +55,7 @@ pub struct Prune {
     pub year: u32,
     /// Years from one cut to the next; 0: only once.
     pub every: u32,
-    /// Last year of the tree's life in which it may repeat; does not hold for the first cut.
+    /// Last year of the tree's life in which the cut may repeat; it does not limit the first cut.
     pub until: u32,
     /// Region whose wood stays.
     pub keep: Keep,
@@ -89,14 +89,15 @@ pub(super) struct Obstacles<'a> {
 }
 
 impl Obstacles<'_> {
-    /// A step from `from`, in the space of the tree, that slides along what it meets; `None` if too little of it is left.
+    /// The step from `from`, in the space of the tree, after it has slid along obstacles; `None` if too little of its
+    /// length is left.
     /// Own: where the surface is nearer than the radius and a clearance, the end moves out along the normal and the direction
     /// loses its inward part.
     pub fn slide(&self, from: Vec3, step: Step, radius: f32) -> Option<Step> {
         let room = radius + CLEARANCE;
         let mut end = from + step.d * step.length;
         let Some(solids) = self.solids else {
-            // Level ground: only what grows downwards can meet it.
+            // Level ground: only a step downwards can meet it.
             if end.y >= room || step.d.y >= 0.0 {
                 return Some(step);
             }

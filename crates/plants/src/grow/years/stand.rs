@@ -115,7 +115,7 @@ impl Tree {
         let season = Season::new(&self.habit, self.year);
         self.losses.clear();
 
-        // Cuts come first: only what is left receives light.
+        // Cuts come first: only the wood that they leave receives light.
         self.cut(&season);
         self.gather_light(field);
         self.sum_light(true);

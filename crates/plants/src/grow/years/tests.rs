@@ -86,7 +86,7 @@ fn shoots_that_fall_short_need_no_full_draw() {
     let (mut short, mut long) = (0, 0);
     for key in 0..20_000 {
         let draw = || osier_base::rng::Rng::from_key(key);
-        let length = 0.1 * (1.0 + 0.15 * super::shoots::normal(&mut draw())).max(0.4);
+        let length = 0.1 * (1.0 + 0.15 * super::shoots::PolarDraw::new(&mut draw()).normal()).max(0.4);
         for needed in [0.05, 0.1, 0.105, 0.117, 0.13, 0.15] {
             let expected = if length < needed { 0.0 } else { length };
             assert_eq!(chance.length(0.1, needed, &mut draw()).to_bits(), expected.to_bits(), "{key} {needed}");
@@ -499,7 +499,7 @@ fn limbs_that_leave_at_wider_angles_stay_lower() {
         let tree = Tree::new("limbs", habit, 1, 1, Vec3::ZERO);
         let season = Season::new(habit, 1);
         let of = |id: u64| {
-            let [sine, cosine] = tree.axis_elevation(id, 1, &season);
+            let [sine, cosine] = super::shoots::axis_elevation(tree.leaving_deviation(id), 1, &season);
             assert!((sine * sine + cosine * cosine - 1.0).abs() < 1e-5 && cosine >= 0.0);
             math::atan2(f64::from(sine), f64::from(cosine)).to_degrees()
         };

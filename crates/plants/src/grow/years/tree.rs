@@ -14,9 +14,9 @@ use osier_base::rng::{Rng, child, mix64, word};
 pub(super) const NONE: u32 = u32::MAX;
 /// Length of the internode that a tree grows from, m.
 const SEED_LENGTH: f32 = 0.05;
-/// Share of the stems that sprout in the first year where others follow. Own.
+/// Share of the stems that sprout in the first year if others sprout later. Own.
 const SPROUT_AT_ONCE: f32 = 0.4;
-/// The golden ratio less 1.
+/// The golden ratio minus 1.
 const GOLDEN_SHARE: f32 = 0.618_034;
 
 /// Marks of an internode, as bits of its `flags`.
@@ -74,7 +74,7 @@ macro_rules! columns {
                 $(self.$field.push(row.$field);)*
             }
 
-            /// Keeps the rows of the ranges, which are in rising order and apart, and removes all others.
+            /// Keeps the rows of the ranges, which ascend and do not overlap, and removes all others.
             fn keep(&mut self, ranges: &[Range<usize>]) {
                 $(keep_ranges(&mut self.$field, ranges);)*
             }
@@ -89,7 +89,7 @@ columns! {
         parent: u32,
         /// Index of the axis in [`Tree::axis_ids`].
         axis: u32,
-        /// Number on the axis on which it was made.
+        /// Number of the internode on the axis on which it was made.
         index: u16,
         /// Branching order of its axis, 0 for a trunk.
         order: u8,
@@ -97,9 +97,9 @@ columns! {
         flags: u8,
         /// Number of dormant buds that may still break here.
         dormant: u8,
-        /// Dormant buds that woke so far.
+        /// Number of dormant buds that have woken so far.
         woken: u8,
-        /// Years without enough light, less the years with it.
+        /// Years without enough light minus the years with enough light, at least 0.
         starve: u8,
         /// Year of the tree's life in which it died; 0 while it lives.
         death: u16,
@@ -113,7 +113,7 @@ columns! {
         r: f32,
         /// r^n, the area of its pipes.
         area: f32,
-        /// Area of pipes that died above, as far as it is kept.
+        /// Area of the pipes of dead wood above that remains in the wood, by `pipe_memory`.
         lost: f32,
         /// Length of the path from the root to its end, m.
         path: f32,
@@ -125,11 +125,11 @@ columns! {
         birth: f32,
         /// Azimuth of its first bud, rad.
         azimuth: f32,
-        /// Light at its end when it was last looked at, where dormant buds are.
+        /// Light at its end at the last examination; only for nodes with dormant buds.
         light: f32,
         /// Light that its living tips and buds receive, in fully lit tips.
         gathered: f32,
-        /// Vigour that it receives in a year, in tips in full light.
+        /// Vigour that it receives in a year, in fully lit tips.
         vigour: f32,
     }
 }
@@ -142,7 +142,8 @@ impl Nodes {
     /// Position of the base of a node's internode, from the tree's base, m.
     #[inline]
     pub fn base(&self, i: usize) -> Vec3 {
-        // The base of a root is not stored: it lies one length behind the root's end.
+        // The base of a root is not stored: it lies the length of the internode below the root's end, along its
+        // direction.
         match self.p.get(self.parent[i] as usize) {
             Some(p) => *p,
             None => self.p[i] - self.direction(i) * self.length[i],
@@ -175,8 +176,8 @@ pub(super) fn y_axis(q: Quat) -> Vec3 {
     Vec3::new(2.0 * (q.x * q.y - q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z), 2.0 * (q.y * q.z + q.w * q.x))
 }
 
-/// Moves the entries of the ranges to the front of a column and cuts off the rest. Whole ranges are moved at once: where wood has
-/// fallen, long stretches of neighbours stay.
+/// Moves the entries of the ranges to the front of a column and cuts off the rest. Whole ranges are moved at once,
+/// because the nodes that stay form long contiguous stretches.
 fn keep_ranges<T: Copy>(column: &mut Vec<T>, ranges: &[Range<usize>]) {
     let mut end = 0;
     for range in ranges {
@@ -193,7 +194,7 @@ pub(super) struct Bud {
     pub node: u32,
     /// Azimuth about the node, rad.
     pub azimuth: f32,
-    /// Number at the node; names its axis.
+    /// Number at the node, from which the id of the bud's axis is derived.
     pub slot: u8,
     /// Years without light.
     pub age: u8,
@@ -214,7 +215,8 @@ pub(super) struct Scratch {
     pub wood: Vec<f32>,
     /// Length of the stretch without leaves and forks that begins at its end, m; negative if it is a fork.
     pub bare: Vec<f32>,
-    /// Vigour of the node over its weighted light; times light and weight it is the vigour of a child or bud.
+    /// Vigour of the node divided by its weighted light; multiplied by the light and weight of a child or bud, it gives
+    /// their vigour.
     pub factor: Vec<f32>,
     /// Light lost since last year by death and cuts above.
     pub lost_light: Vec<f32>,
@@ -222,7 +224,8 @@ pub(super) struct Scratch {
     pub area: Vec<f32>,
     /// Length of the axis beyond its end, m.
     pub beyond: Vec<f32>,
-    /// Mass from its base on and its first moments along x and z; in the end only the moments about its base.
+    /// First moments along x and z and (y) the mass of the wood from its base on; finally only the moments about its
+    /// base.
     pub weight: Vec<Vec3>,
     /// Rotation of the year, by bending and righting, from the root to the node.
     pub turn: Vec<Quat>,
@@ -244,12 +247,13 @@ pub(super) struct CutThrough {
     pub node: u32,
     /// Year of the tree's life in which it was cut.
     pub year: u16,
-    /// Length before it, m.
+    /// Length of the internode before the cut, m.
     pub length: f32,
 }
 
 /// Part of a year at which a clip shows that branches and leaves fall and that wood is cut, all of which belongs to the beginning of the
-/// year: the leaves of the new year have half of their size by then. Sooner: crowns thin out in between; later: they are too dense.
+/// year: the leaves of the new year have half of their size by then. With a smaller value crowns thin out in between,
+/// with a larger one they become too dense.
 pub(super) const FALL_DELAY: f32 = 0.15;
 
 impl CutThrough {
@@ -269,13 +273,13 @@ pub(super) struct Tree {
     pub key: u64,
     /// Place of its base in the scene, m.
     pub base: Vec3,
-    /// Place of its base from that of the stand's first tree, the origin of the field of light, m.
+    /// Position of its base relative to that of the stand's first tree, the origin of the field of light, m.
     pub offset: Vec3,
     /// Year of the field in which it is sown.
     pub sown: u32,
     /// Its age in full years.
     pub year: u32,
-    /// Part of the last of them that is shown, 0 to 1; 1: the whole.
+    /// Part of the last year that is shown, 0 to 1; 1: the whole year.
     pub part: f32,
     pub nodes: Nodes,
     pub axis_ids: Vec<u64>,
@@ -290,14 +294,15 @@ pub(super) struct Tree {
     pub dark: u8,
     /// Year of its life that was the first of two without light, after which it died.
     pub died: Option<u32>,
-    /// Year of its life whose cuts left it neither tips nor buds; `None` if it has grown since, or if there were none.
+    /// Year of its life whose cuts left it neither tips nor buds; `None` if it has grown since, or if there were no
+    /// such cuts.
     pub bared: Option<u32>,
     /// Subtrees lost this year, at whose nodes dormant buds may wake.
     pub losses: Vec<Loss>,
     /// Cuts through internodes, in the order of years; kept while the tree is recorded. Those of the tree in a finished record are
     /// sorted by node.
     pub cuts: Vec<CutThrough>,
-    /// Whether a record follows it: its fallen nodes then stay in the arrays.
+    /// Whether the tree is recorded: its fallen nodes then stay in the arrays.
     pub recorded: bool,
     pub scratch: Scratch,
 }
@@ -316,7 +321,8 @@ impl Tree {
         u16::try_from(self.year).unwrap_or(u16::MAX - 1)
     }
 
-    /// A seed with one internode for each stem. `seed`, `id`: of the plant; `base`: in the scene, m.
+    /// A seed with one internode for each stem. `seed`, `id`: seed and id of the plant; `base`: position in the scene,
+    /// m.
     pub fn new(name: &str, habit: &Habit, seed: u64, id: u32, base: Vec3) -> Self {
         let mut tree = Self {
             name: name.to_owned(),
@@ -350,8 +356,8 @@ impl Tree {
     }
 
     /// Adds the seed internode of a stem.
-    /// Own: with `stem_years` some sprout later, and stay stubs until then. Stems stand at golden-angle azimuths, at the distance spread sqrt((i + 0.5) / n), tilted outwards by
-    /// tilt (0.4 + 0.9 U) sqrt((i + 0.5) / n).
+    /// Own: with `stem_years` some sprout later, and stay stubs until then. Stems stand at golden-angle azimuths, at
+    /// the distance spread sqrt((i + 0.5) / n), tilted outwards by tilt (0.4 + 0.9 U) sqrt((i + 0.5) / n).
     fn add_stem(&mut self, i: u16, stems: u16, id: u64) {
         let habit = &self.habit;
         let mut draw = self.draw(id, Purpose::Stem);
@@ -365,7 +371,7 @@ impl Tree {
         let q = math::rotation_between(Vec3::Y, d)
             * Quat::from_xyzw(0.0, math::sin_f32(0.5 * azimuth), 0.0, math::cos_f32(0.5 * azimuth));
         let area = math::pow_f32(habit.tip_radius, habit.pipe_exponent);
-        // Multiples of the golden ratio spread the late ones over the disc and over the years.
+        // Multiples of the golden ratio spread the late stems over the disc and over the years.
         let late = (f32::from(i) * GOLDEN_SHARE).fract() - SPROUT_AT_ONCE;
         let sprouts = (habit.stem_years * (late / (1.0 - SPROUT_AT_ONCE)).max(0.0)).ceil();
         let elevation = self.habit.elevation[0].to_radians();
@@ -398,7 +404,7 @@ impl Tree {
         });
     }
 
-    /// Opens the tips of stems that sprout after this year.
+    /// Opens the tips of the stems that sprout in the coming year.
     pub fn sprout(&mut self) {
         let nodes = &mut self.nodes;
         for i in 0..nodes.len() {
@@ -439,15 +445,15 @@ impl Tree {
         }
     }
 
-    /// Share of the leaves of an open tip that have unfolded, 0 to 1: less than all only on an axis that begins in a year of which a
-    /// part is shown.
+    /// Share of the leaves of an open tip that have unfolded, 0 to 1; below 1 only on an axis that begins in a year
+    /// that is shown in part.
     #[inline]
     pub fn share_at_tip(&self, i: usize) -> f32 {
         if self.part < 1.0 && self.begins_this_year(i) { self.part } else { 1.0 }
     }
 
-    /// Share of the leaves along an internode that it still bears, 0 to 1: those that it loses in a year of which a part is shown fall
-    /// over that year.
+    /// Share of the leaves along an internode that it still bears, 0 to 1: leaves that it loses in a year that is shown
+    /// in part fall over that year.
     #[inline]
     pub fn share_along(&self, i: usize) -> f32 {
         let year = self.year as f32;
@@ -464,7 +470,7 @@ impl Tree {
     #[inline]
     fn bears_along_in(&self, i: usize, year: f32) -> bool {
         let (years, most) = (year - self.nodes.birth[i], self.habit.leaf_years);
-        // Full years below `most`; most internodes need no rounding to be told apart.
+        // Tests whether the full years are below `most`; for most internodes this needs no rounding.
         self.habit.leaf_area_shoot > 0.0 && (years < most || years < most + 1.0 && years.floor() < most)
     }
 

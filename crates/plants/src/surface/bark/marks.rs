@@ -152,7 +152,8 @@ impl MarkPattern {
     }
 }
 
-/// L1 distance from the middle of a diamond in its half diagonals, roughened: 0 in the middle, 1 on its border.
+/// L1 distance from the middle of a diamond in units of its half diagonals, with noise `rough` added: 0 in the middle,
+/// 1 on its border.
 fn diamond(nearest: &NearestFeature, size: [f32; 2], rough: f32) -> f32 {
     nearest.from[0].abs() / size[0] + nearest.from[1].abs() / size[1] + rough
 }

@@ -20,7 +20,7 @@ pub use paint::bark;
 
 use osier_base::{Error, Result};
 
-/// What the cracks of a bark enclose.
+/// Form of the raised parts between the cracks of a bark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BarkRelief {
     /// Closed plates, one for each cell of a cellular noise.
@@ -32,10 +32,10 @@ pub enum BarkRelief {
 /// Parameters of a bark. Colours are linear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarkSpec {
-    /// What the cracks enclose.
+    /// Form of the raised parts between cracks.
     pub relief: BarkRelief,
-    /// Plates around and up a tile, 1..=64; of ridged bark the ridges around a tile, and those by which they move aside over its
-    /// height.
+    /// Number of plates around and along a tile, 1..=64; for ridged bark the number of ridges around a tile, and the
+    /// number of ridges by which they shift sideways over its height.
     pub plates: [u32; 2],
     /// Weight of the scales that plates consist of, in height and tint, 0..1; 0: plates are even. Ridges have none.
     pub scales: f32,
@@ -51,7 +51,7 @@ pub struct BarkSpec {
     pub ridge: [f32; 3],
     /// Colour of large patches (lichen, weathering) and how much of it, 0..1.
     pub patch: ([f32; 3], f32),
-    /// What lies over the plates: cracks, dashes, scars, diamonds, pores or nothing.
+    /// Marks drawn over the plates: cracks, dashes, scars, diamonds, pores or none.
     pub marks: BarkMarks,
     /// Colour of the marks.
     pub mark: [f32; 3],
@@ -126,7 +126,7 @@ impl BarkSpec {
         }
     }
 
-    /// What kinds with closed plates have in common.
+    /// Common values of all kinds with closed plates.
     fn plates() -> Self {
         Self {
             relief: BarkRelief::Plates,
@@ -284,7 +284,7 @@ impl BarkSpec {
         }
     }
 
-    /// Checks the ranges given at the fields, without those of colours and roughness.
+    /// Checks the ranges stated at the fields, except those of colours and roughness.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {

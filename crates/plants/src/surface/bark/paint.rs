@@ -14,11 +14,11 @@ use osier_base::par::par_map;
 use osier_base::units::byte;
 use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// Weights of the scales of plates in height and tint, of which `BarkSpec::scales` is a share.
+/// Weights of the scales of plates in height and tint; they are multiplied by `BarkSpec::scales`.
 const SCALE_RELIEF: f32 = 0.5;
 const SCALE_TINT: f32 = 0.9;
 
-/// The noises of a bark, tabulated; their seeds are derived from that of the bark and differ.
+/// Tabulated noises of a bark; each has a different seed, derived from that of the bark.
 struct BarkNoise {
     warp: [FractalNoise; 2],
     relief: ReliefPattern,
@@ -59,7 +59,7 @@ struct BarkTexel {
 const GRAIN_RELIEF: f32 = 0.25;
 /// Range of the brightness that a grain adds: 1 - 0.12 to 1 + 0.12.
 const GRAIN_TINT: f32 = 0.24;
-/// Repeats of a grain across a tile, against one along it: fibres are drawn out along the axis.
+/// Number of repeats of a grain across a tile; along the tile there is one, which stretches the fibres along the axis.
 const GRAIN_REPEATS: f32 = 5.0;
 
 impl BarkTexel {

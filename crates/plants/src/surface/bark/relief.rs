@@ -5,11 +5,13 @@ use super::{BarkRelief, BarkSpec};
 use crate::surface::periodic_noise::{CellularNoise, FractalNoise};
 use osier_base::math::smoothstep;
 
-/// Value of the waves below which a furrow lies, of about 1 at the crest of a ridge. Higher: furrows take more of the bark.
+/// Value of the waves, which are about 1 at the crest of a ridge, below which there is a furrow. With a higher value
+/// furrows take up more of the bark.
 const FURROW: f32 = 0.28;
-/// Sideways amplitude of the ridges, in their distances. Lower: they run straight and do not meet; higher: they run in swirls.
+/// Sideways amplitude of the ridges, in units of their distance. With a lower value they run straight and do not meet,
+/// with a higher one they swirl.
 const WANDER: f32 = 1.25;
-/// Amplitude of the short bends of a ridge, in its distances.
+/// Amplitude of the short bends of a ridge, in units of the distance between ridges.
 const BENDS: f32 = 0.42;
 /// Share by which the height of a ridge rises and falls along it. At 0 no ridge ends.
 const SWELL: f32 = 0.5;
@@ -21,7 +23,7 @@ const SCALE_WEIGHTS: [f32; 2] = [0.7, 0.3];
 pub(super) struct Relief {
     /// 0 in a crack, 1 beyond its shoulder.
     pub ground: f32,
-    /// Height of the scale of a plate against the mean of all, -0.5..0.5; 0 on bark without scales.
+    /// Height of the scale relative to the mean of all scales, -0.5..0.5; 0 on bark without scales.
     pub scale: f32,
 }
 
@@ -34,7 +36,7 @@ pub(super) enum ReliefPattern {
 }
 
 impl ReliefPattern {
-    /// `seed`: of the first of its noises; the others have seeds up to 48 above it.
+    /// `seed`: seed of the first noise; the other noises have seeds up to 48 above it.
     pub fn new(spec: &BarkSpec, seed: u64) -> Self {
         match spec.relief {
             BarkRelief::Plates => Self::Plates(PlatePattern::new(spec, seed)),
@@ -42,7 +44,7 @@ impl ReliefPattern {
         }
     }
 
-    /// What the texels of a row share: the waves of ridges at the columns `xs`, which ascend, and the height `y`.
+    /// Data shared by the texels of a row: the waves of ridges at the columns `xs`, which ascend, and the height `y`.
     pub fn row(&self, xs: &[f32], y: f32) -> ReliefRow<'_> {
         let waves = match self {
             Self::Plates(_) => Vec::new(),
@@ -78,7 +80,8 @@ pub(super) struct PlatePattern {
 impl PlatePattern {
     fn new(spec: &BarkSpec, seed: u64) -> Self {
         let [nx, ny] = spec.plates;
-        // Some two and a half scales on a plate each way, and twice as many small ones; whole numbers of them tile.
+        // About two and a half large scales per plate in each direction, and twice as many small ones; only whole
+        // numbers of scales tile.
         let scales =
             |k: u32| CellularNoise::new(seed.wrapping_add(u64::from(k)), [nx * 5 * k / 2, ny * 5 * k / 2], 0.9);
         Self {
@@ -101,7 +104,7 @@ impl PlatePattern {
 /// A family of ridges at a texel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RidgeWave {
-    /// Sideways displacement, in distances of ridges.
+    /// Sideways displacement, in units of the distance between ridges.
     shift: f32,
     /// Factor on the height of the ridges.
     strength: f32,
@@ -109,9 +112,9 @@ pub(super) struct RidgeWave {
 
 /// Two families of wandering ridges, one that climbs to the left and one to the right: where both meet, ridges part and join.
 pub(super) struct RidgePattern {
-    /// Ridges around a tile, of each family.
+    /// Number of ridges of each family around a tile.
     counts: [f32; 2],
-    /// Ridges by which a family moves aside over the height of a tile.
+    /// Number of ridges by which a family shifts sideways over the height of a tile.
     climb: f32,
     /// Noises of the sideways displacement and the height of each family.
     wander: [FractalNoise; 2],
@@ -120,11 +123,12 @@ pub(super) struct RidgePattern {
 }
 
 impl RidgePattern {
-    /// `plates`: ridges around a tile of the denser family, and ridges by which both move aside over its height.
+    /// First argument: number of ridges of the denser family around a tile, and number of ridges by which both families
+    /// shift sideways over its height.
     fn new([n, climb]: [u32; 2], seed: u64) -> Self {
         let noise = |k: u64, cells: [u32; 2], octaves: u32| FractalNoise::new(seed.wrapping_add(8 * k), cells, octaves);
         Self {
-            // Different distances: the families are not in step anywhere.
+            // The families have different numbers of ridges, so that they are nowhere in phase.
             counts: [n as f32, (n - n / 4) as f32],
             climb: climb as f32,
             wander: [noise(0, [3, 2], 4), noise(1, [4, 2], 4)],

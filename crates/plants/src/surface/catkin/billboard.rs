@@ -17,7 +17,7 @@ const SIDE: usize = SIDE_U32 as usize;
 const SIDE_U32: u32 = 256;
 /// Samples along a side of a pixel: hairs are thinner than a pixel, and 64 samples resolve their coverage.
 const SUPERSAMPLING: usize = 8;
-/// Passes of dilation, one pixel each: about log2 of their number of mipmap levels stay free of background.
+/// Number of dilation passes, one pixel each: about log2 of this number of mipmap levels stay free of background.
 const DILATION_PASSES: usize = 4;
 
 /// A square picture of one view, rows from the top.
@@ -111,7 +111,7 @@ fn dilate(texels: &mut [BillboardTexel], side: usize) {
         let before = (texels.to_vec(), known.clone());
         for i in (0..texels.len()).filter(|i| !before.1[*i]) {
             let (x, y) = (i % side, i / side);
-            // Mean of the up to eight known neighbours, from a copy: the order of pixels does not matter.
+            // The mean of up to eight known neighbours, read from a copy, so that the order of pixels does not matter.
             let mut sum = (Vec3::ZERO, Vec3::ZERO, 0.0_f32);
             for row in y.saturating_sub(1)..(y + 2).min(side) {
                 for k in (x.saturating_sub(1)..(x + 2).min(side)).map(|column| row * side + column) {
@@ -132,9 +132,9 @@ fn dilate(texels: &mut [BillboardTexel], side: usize) {
 }
 
 impl Tuft {
-    /// The tuft as billboards through its middle. `crossed`: three quads, each with a quarter of the texture, else one that
-    /// faces +Z with all of it. The mesh has one material, the returned one, whose images have straight (not premultiplied)
-    /// alpha.
+    /// The tuft as billboards through its middle. `crossed`: three quads, each with a quarter of the texture; otherwise
+    /// one quad that faces +Z, with the whole texture. The mesh has one material, the returned one, whose images have
+    /// straight (not premultiplied) alpha.
     /// Source: own. Hairs are drawn as cylinders with 8 x 8 samples per pixel; the alpha cutoff preserves the covered area.
     pub fn billboards(&self, name: &str, crossed: bool) -> (Mesh, SurfaceMaterial) {
         let (views, pixels) = if crossed { (&VIEWS[..], SIDE / 2) } else { (&VIEWS[..1], SIDE) };
@@ -144,7 +144,7 @@ impl Tuft {
         let height =
             self.hairs.points.iter().fold(0.0, |s, p| s + f64::from(p.y)) / self.hairs.points.len().max(1) as f64;
         for (k, view) in views.iter().enumerate() {
-            // One view takes all of the texture, three take a quarter each.
+            // A single view fills the texture; three views take a quarter each.
             let corner = (k % 2 * pixels, k / 2 * pixels);
             let raster = self.rasterize(*view, pixels);
             let seen = billboard::texels(&raster.samples, raster.side, SUPERSAMPLING, |sum, count| sum / count);

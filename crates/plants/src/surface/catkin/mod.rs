@@ -14,7 +14,7 @@ use osier_scene::{Curves, Fine, Material, MaterialClass, MaterialId, Mesh, Proto
 pub use stalk::stalk;
 pub use tuning::VARIANTS;
 
-/// Share of the hairs that is kept in the middle distance; those kept are widened. Fewer hairs look like straw.
+/// Share of the hairs that is kept at the middle distance, widened. Fewer hairs look like straw.
 const THINNED_SHARE: f64 = 0.3;
 
 /// How a tuft is modelled: shape of its hairs, thickness of its stalk, and the materials of both.
@@ -24,7 +24,7 @@ pub struct TuftSpec {
     pub jitter: f64,
     /// Radius of a hair where it begins, m.
     pub radius: f64,
-    /// Radius at its tip as a share of that, 0..1; between them it is linear along the hair.
+    /// Radius at the tip of a hair as a share of `radius`, 0..1; it is linear along the hair.
     pub tip: f64,
     /// Points that a smoothed hair has; 0 leaves its three straight sections.
     pub smooth: u32,
@@ -52,7 +52,7 @@ pub struct Tuft {
     pub hairs: Curves,
     /// Radius of the smallest ball around the origin that holds all hairs and the stalk, m.
     pub radius: f32,
-    /// Least y of hairs and stalk, m, at most 0.
+    /// Smallest y of hairs and stalk, m, at most 0.
     pub lowest: f32,
     spec: TuftSpec,
     key: u64,
@@ -71,7 +71,7 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
         moving: false,
     };
     for (i, axis) in plant.axes.iter().enumerate() {
-        // Scale every hair by a draw of a separate stream, resample it, and give it its widths.
+        // Scale every hair by a draw from its separate random stream, resample it, and compute its widths.
         let mut stream = Rng::from_key(child(child(key, word("jitter")), i as u64));
         let scale = narrow(1.0 + spec.jitter * stream.range(-1.0, 1.0));
         let line: Vec<Vec3> = plant.nodes.p[plant.nodes_of(axis)].iter().map(|p| *p * scale).collect();
@@ -104,7 +104,7 @@ fn widths(line: &[Vec3], spec: &TuftSpec) -> Vec<f32> {
     arcs.iter().map(|s| math::lerp(root, tip, if along > 0.0 { s / along } else { 0.0 })).collect()
 }
 
-/// A line through the same points with `count` of them, evenly spaced in the parameter.
+/// Resamples a line: a curve through its points, sampled at `count` points evenly spaced in the parameter.
 /// Source: centripetal Catmull-Rom spline (Barry and Goldman's pyramid); end tangents by mirrored neighbours.
 fn resampled(line: &[Vec3], count: usize) -> Vec<Vec3> {
     let n = line.len();
@@ -126,7 +126,7 @@ fn resampled(line: &[Vec3], count: usize) -> Vec<Vec3> {
     (0..count).map(place).collect()
 }
 
-/// The point a share `t` of the way from the second to the third of four.
+/// The point of the spline at the share `t` between the second and the third of four points.
 fn spline(p: [Vec3; 4], t: f32) -> Vec3 {
     // Centripetal knots, then three levels of linear interpolation.
     let mut knots = [0.0_f32; 4];

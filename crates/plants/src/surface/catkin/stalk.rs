@@ -8,7 +8,7 @@ use osier_base::math::{cos_f32, sin_f32};
 use osier_scene::Mesh;
 
 /// An ellipsoid of semi-axes (r, 2 r, r) whose upper pole is the origin. `cut`: segments around and rows from pole to pole,
-/// at least 3 and 2. Nothing for r = 0.
+/// at least 3 and 2. An empty mesh for r = 0.
 /// Source: \[catkin\] 3: a sphere stretched along y; the stretching does not touch the hairs.
 /// Differs: it hangs below the tuft, as a seed does; the paper puts it where the hairs go.
 pub fn stalk(r: f32, cut: (u32, u32)) -> Mesh {

@@ -32,7 +32,8 @@ pub enum BladeDetail {
 
 /// Most points of one side's margin of a [`BladeDetail::Crown`] blade: crowns bear 10^5 leaves.
 const MAX_CROWN_MARGIN_POINTS: usize = 12;
-/// The same of a [`BladeDetail::Distant`] blade: base, tip and three points between them. Own: by eye, in a wood from 60 m on.
+/// Most points of one side's margin of a [`BladeDetail::Distant`] blade: base, tip and three points between them. Own:
+/// by eye, in a wood from 60 m on.
 const MAX_DISTANT_MARGIN_POINTS: usize = 5;
 
 /// Levels of subdivision of a [`BladeDetail::Close`] blade: each level cuts every triangle into four.
@@ -57,7 +58,7 @@ impl BladeDetail {
         }
     }
 
-    /// Sides of the petiole, rings along it, rings below the blade; `None` without one.
+    /// Number of sides of the petiole, of rings along it and of rings below the blade; `None` without a petiole.
     fn petiole(self) -> Option<(u32, u32, u32)> {
         match self {
             Self::Close => Some((12, 10, 12)),
@@ -76,7 +77,7 @@ impl BladeDetail {
 
 /// Random deformation of one variant of a leaf.
 struct BladeVariation {
-    /// Dihedral fold of either half against the plane, and bend of the midrib from base to tip, rad.
+    /// Angle by which each half is folded up from the plane, and bend of the midrib from base to tip, rad.
     fold: f32,
     curl: f32,
     /// Amplitude of the margin's waves, share of the width, and their phases on both sides, rad.
@@ -93,7 +94,7 @@ struct BladeVariation {
 impl BladeVariation {
     fn new(spec: &BladeSpec, variant: u64) -> Self {
         let mut draw = Rng::at(spec.seed, &["leaf".into(), variant.into()]);
-        // Relative variation of what the species fixes; absolute amounts for bends of either sign.
+        // Values of the species vary relatively; bends of either sign vary by absolute amounts.
         let mut vary = |base: f32, by: f64| base * math::narrow(1.0 + draw.range(-by, by));
         let (fold, curl, wave) = (vary(spec.fold, 0.5), vary(spec.curl, 0.7), vary(spec.waviness, 0.5));
         let stretch = [vary(1.0, 0.08), vary(1.0, 0.06)];
@@ -116,7 +117,7 @@ pub fn blade(spec: &BladeSpec, variant: u64, detail: BladeDetail) -> Result<Mesh
     let mut variation = BladeVariation::new(spec, variant);
     match detail {
         BladeDetail::Crown => outline.halves.iter_mut().for_each(|half| half.simplify(MAX_CROWN_MARGIN_POINTS)),
-        // What the margin loses in area, the blade gains in width: crowns stay as dense.
+        // The blade is widened by the area that the simplified margin loses, so that crowns keep their density.
         BladeDetail::Distant => variation.stretch[0] *= outline.simplify_without_veins(MAX_DISTANT_MARGIN_POINTS),
         BladeDetail::Close | BladeDetail::Hero | BladeDetail::Light => {}
     }
@@ -211,7 +212,8 @@ fn add_half(
             _ => flat.push(*p),
         })
         .collect();
-    // Bounds of the cell so far: place on the midrib, place on the margin, the vein between them from the midrib out.
+    // Lower bounds of the current cell: index on the midrib, index on the margin, and the vein between them from the
+    // midrib outwards.
     let (mut from, mut along, mut below): (usize, usize, Vec<u32>) = (0, 0, Vec::new());
     for vein in &half.veins {
         let root = outline.midrib.partition_point(|y| *y < vein.root.y);
@@ -282,7 +284,8 @@ fn smooth_normals(mesh: &Mesh) -> Vec<Vec3> {
     normals.iter().map(|n| if n.length() > 1e-20 { n.normalize() } else { Vec3::Z }).collect()
 }
 
-/// Tilts the normals of triangles that a sharp wave turned against them until they agree. At most 8 sweeps.
+/// Where a sharp wave has turned triangles away from their vertex normals, tilts these normals until they agree with
+/// the triangles. At most 8 sweeps.
 fn tilt_normals_to_faces(mesh: &mut Mesh) {
     for _ in 0..8 {
         let mut turned = false;

@@ -12,7 +12,7 @@ use osier_scene::Mesh;
 const LEAFLET_ANGLE: [f32; 2] = [1.15, 0.75];
 /// Standard deviation of that angle and of the tilt of leaflets out of the leaf's plane, rad.
 const ANGLE_DEVIATION: f32 = 0.09;
-/// Length of the lowest and the highest leaflet over that of the longest, which is in the middle.
+/// Length of the lowest and the highest leaflet divided by that of the longest, which is in the middle.
 const LEAFLET_SHARE: [f32; 2] = [0.75, 0.85];
 /// Share of the leaf's length, from the base of the stalk, at which the lowest pair sits.
 const FIRST_PAIR: f32 = 0.24;
@@ -26,7 +26,7 @@ const LEAFLET_STALK: f32 = 0.04;
 pub struct CompoundSpec {
     /// Number of leaflets, 1..=41: an odd number has one at the tip. 1 is a simple leaf.
     pub leaflets: u32,
-    /// Length of the longest leaflet over the leaf's, 0.02..1.
+    /// Length of the longest leaflet divided by the leaf's, 0.02..1.
     pub leaflet_length: f32,
 }
 

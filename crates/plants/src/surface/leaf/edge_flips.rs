@@ -51,7 +51,7 @@ fn flipped(points: &[Vec2], s: [u32; 3], t: [u32; 3], shared: (u32, u32)) -> Opt
     (worst(new) > worst([s, t]) * 1.01 + 1e-6).then_some(new)
 }
 
-/// Twice the area over the square of the longest side, negative if clockwise: 0 for slivers, 0.87 at most.
+/// Twice the area divided by the square of the longest side, negative if clockwise: 0 for slivers, 0.87 at most.
 fn triangle_quality(points: &[Vec2], t: [u32; 3]) -> f32 {
     let [a, b, c] = t.map(|i| points[i as usize]);
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());

@@ -20,7 +20,7 @@ pub struct LeafColors {
     pub blade: [[f32; 3]; 2],
     /// Midrib and side veins.
     pub vein: [f32; 3],
-    /// Along the margin and in small blemishes.
+    /// Colour along the margin and in small blemishes.
     pub edge: [f32; 3],
     /// Roughness of the blade between veins, 0..1; veins are rougher.
     pub roughness: f32,
@@ -64,13 +64,13 @@ const RELIEF: f32 = 0.004;
 
 /// Distances on the flat blade, one per pixel, m.
 struct VeinDistances {
-    /// To the edge of the midrib and side veins, negative within.
+    /// Distance to the edge of the midrib and side veins, negative within them.
     main: Vec<f32>,
-    /// To the branches of the side veins.
+    /// Distance to the branches of the side veins.
     branch: Vec<f32>,
-    /// To the veins between the side veins.
+    /// Distance to the veins between the side veins.
     fine: Vec<f32>,
-    /// To the margin of the blade.
+    /// Distance to the margin of the blade.
     margin: Vec<f32>,
 }
 
@@ -157,8 +157,8 @@ impl BladeRaster<'_> {
         self.outline.frame.0 + uv * self.outline.frame.1
     }
 
-    /// Lowers `field` to the distance from the segment from `a` to `b`, less `half` (half widths at both ends), within `reach`,
-    /// all in m.
+    /// Lowers `field` to the distance from the segment from `a` to `b` minus `half` (half widths at both ends), within
+    /// `reach`, all in m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn stroke(&self, field: &mut [f32], a: Vec2, b: Vec2, half: [f32; 2], reach: f32) {
         let n = self.side as f32;
@@ -172,7 +172,7 @@ impl BladeRaster<'_> {
         for y in cut(n - high.y)..cut(n - low.y + 1.0) {
             for x in cut(low.x)..cut(high.x + 1.0) {
                 let p = self.position(x, y) - a;
-                // Distance to the segment less the interpolated half width: the signed distance of a tapered stroke.
+                // Distance to the segment minus the interpolated half width: the signed distance of a tapered stroke.
                 let t = (p.dot(d) / d2).clamp(0.0, 1.0);
                 let distance = (p - d * t).length() - math::lerp(half[0], half[1], t);
                 let cell = &mut field[y * self.side + x];
@@ -184,7 +184,7 @@ impl BladeRaster<'_> {
 
 /// Rasterizes the distances to all veins and to the margin.
 fn vein_distances(spec: &BladeSpec, outline: &BladeOutline, grid: &BladeRaster<'_>) -> VeinDistances {
-    // Distance fields, initialized to the farthest distance that any map looks at.
+    // Distance fields, initialized to the largest distance that any map uses.
     let far = spec.length * SHOULDER;
     let blank = || vec![far; grid.side * grid.side];
     let mut f = VeinDistances { main: blank(), branch: blank(), fine: blank(), margin: blank() };
@@ -280,7 +280,7 @@ impl LeafNoise {
     }
 }
 
-/// What the texels of a leaf's maps are computed from; shared by all rows.
+/// Inputs from which the texels of a leaf's maps are computed, shared by all rows.
 struct LeafPainter<'a> {
     spec: &'a BladeSpec,
     colors: &'a LeafColors,

@@ -84,7 +84,7 @@ pub struct BladeSpec {
     pub vein_angle: f32,
     /// Angle by which each half is folded up at the midrib, -1.2..1.2 rad.
     pub fold: f32,
-    /// Angle by which the tip is bent down against the base, -3..3 rad.
+    /// Angle by which the tip is bent down relative to the base, -3..3 rad.
     pub curl: f32,
     /// Height of the waves of the margin, share of the width, 0..0.3.
     pub waviness: f32,
@@ -92,7 +92,7 @@ pub struct BladeSpec {
     pub petiole_length: f32,
     /// Radius of the petiole, 0.0001..0.01 m.
     pub petiole_radius: f32,
-    /// Thickness of the petiole over its width: 1 round, 2 flattened like a poplar's, 0.3..3.
+    /// Thickness of the petiole divided by its width: 1 round, 2 flattened like a poplar's, 0.3..3.
     pub petiole_flatness: f32,
     /// Seed of the irregularities that all variants and the maps share.
     pub seed: u64,
@@ -205,7 +205,7 @@ impl BladeSpec {
         }
     }
 
-    /// Checks the ranges given at the fields, those of form and teeth included.
+    /// Checks the ranges stated at the fields, including those of form and teeth.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {

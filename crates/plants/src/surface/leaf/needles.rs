@@ -1,5 +1,5 @@
-//! Needles of conifers: a piece of shoot with its side twigs and needles all round, of which a tree bears as many as its leaf
-//! area asks for.
+//! Needles of conifers: a piece of shoot with its side twigs and needles all round, of which a tree bears as many as
+//! its leaf area requires.
 
 use std::f32::consts::TAU;
 
@@ -43,7 +43,7 @@ pub struct NeedleSpec {
     pub twig: f32,
     /// Angle between shoot and side twigs, 0.05..2.2 rad.
     pub twig_angle: f32,
-    /// Whether needles are single triangles instead of four: for crowns.
+    /// Whether a needle is a single triangle instead of four, for crowns.
     pub coarse: bool,
     /// Seed of the random angles and lengths of twigs and needles.
     pub seed: u64,

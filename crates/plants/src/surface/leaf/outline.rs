@@ -27,9 +27,9 @@ impl Vein {
 /// Margin and side veins of one side of the flat blade.
 #[derive(Debug, Clone)]
 pub(super) struct BladeHalf {
-    /// From the base to the tip of the blade, both included.
+    /// Points of the margin from the base to the tip of the blade, both included.
     pub margin: Vec<Vec2>,
-    /// From the base to the tip, roots and tips increasing.
+    /// Side veins from the base to the tip; their roots and tips ascend.
     pub veins: Vec<Vein>,
 }
 
@@ -92,7 +92,7 @@ impl BladeOutline {
     }
 
     /// Removes the side veins, all points of the midrib but its ends and its middle, and points of the margins until each has at most
-    /// `most`. Returns the former area over the present one.
+    /// `most`. Returns the former area divided by the present one.
     pub fn simplify_without_veins(&mut self, most: usize) -> f32 {
         let area = |halves: &[BladeHalf; 2]| {
             let [right, left] =
@@ -183,9 +183,10 @@ fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     out
 }
 
-/// Obovate with a rounded tip; `notch`: depth of the bay in it, share of the half width; `aspect`: width over length.
+/// Obovate with a rounded tip; `notch`: depth of the bay in it, share of the half width; `aspect`: width divided by
+/// length.
 fn petal(notch: f32, aspect: f32) -> Vec<Vec2> {
-    // The bay ends at the tip of the midrib, so the shoulders beside it stand above that.
+    // The bay ends at the tip of the midrib, so the shoulders on both sides of the bay lie above that tip.
     let rise = notch * 0.5 * aspect;
     let table = [[0.0, 0.0], [0.2, 0.04], [0.42, 0.2], [0.72, 0.42], [0.97, 0.66], [0.93, 0.83]];
     let mut out: Vec<Vec2> = table.iter().map(|&[x, y]| Vec2::new(x, y)).collect();
@@ -193,7 +194,8 @@ fn petal(notch: f32, aspect: f32) -> Vec<Vec2> {
     out
 }
 
-/// Angle from the midrib of the lowest lobe of a palmate leaf, rad, and the length of that lobe over the middle one's.
+/// Angle from the midrib of the lowest lobe of a palmate leaf, rad, and the length of that lobe divided by that of the
+/// middle lobe.
 const LOWEST_LOBE: [f32; 2] = [1.85, 0.5];
 
 /// Pointed lobes about the base, the lowest first: for each its lower shoulder, tip and upper shoulder, then the bottom of the
@@ -259,7 +261,7 @@ fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     BladeHalf { margin, veins }
 }
 
-/// Number of side veins on a side: one per lobe, else as the species has.
+/// Number of side veins on a side: one per lobe, otherwise the number of the species.
 fn vein_count(spec: &BladeSpec) -> usize {
     match spec.form {
         LeafForm::Lobed { lobes, .. } | LeafForm::Palmate { lobes, .. } => lobes as usize,
@@ -326,10 +328,10 @@ fn toothed_range(spec: &BladeSpec) -> (f32, f32) {
 /// Height up to which single teeth do not fold over each other, as a multiple of their length along the margin. Own, from blades of
 /// 12 to 40 teeth: they fold from 1 on; 0.7 keeps a distance from that.
 const STEEPEST_SINGLE_TOOTH: f32 = 0.7;
-/// The same for teeth with two or more minor ones between them. Own, from the same blades: with two minor teeth, which are half as
-/// high, large ones fold from 1.6 on; more minor teeth count as two.
+/// Height up to which teeth with two or more minor ones between them do not fold over each other. Own, from the same
+/// blades: with two minor teeth, which are half as high, large ones fold from 1.6 on; more minor teeth count as two.
 const STEEPEST_DOUBLE_TOOTH: f32 = 1.4;
-/// Rise of that height for each minor tooth, so that two of them lead from the one limit to the other.
+/// Increase of this height for each minor tooth, so that two of them lead from the one limit to the other.
 const STEEPER_PER_MINOR_TOOTH: f32 = 0.35;
 
 /// Depth of teeth, share of the width of the blade, up to which their flanks do not fold over each other.
@@ -346,8 +348,8 @@ pub fn steepest_teeth(spec: &BladeSpec) -> f32 {
     height.min(STEEPEST_DOUBLE_TOOTH) * step / spec.width
 }
 
-/// A margin of teeth that point to the tip, and the indices of the vein tips: with minor teeth every large tooth bears
-/// one, else they are spread over the teeth.
+/// A margin of teeth that point to the tip, and the indices of the vein tips: with minor teeth a vein ends in every
+/// large tooth, otherwise the veins are spread over the teeth.
 #[allow(clippy::cast_precision_loss, reason = "at most 60 teeth of 5 points")]
 fn toothed(spec: &BladeSpec, curve: &[Vec2], draw: &mut Rng) -> (Vec<Vec2>, Vec<usize>) {
     // Teeth are placed by arc length between the toothless base and tip.
@@ -425,7 +427,8 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
         let y = if matches!(spec.form, LeafForm::Palmate { .. }) { lowest } else { tip.y - tip.x * slope + shift };
         let y = y.clamp(lowest, most.max(lowest));
         let mut vein = Vein { root: Vec2::ZERO, bend: Vec2::ZERO, tip, at };
-        // Straight at first, bent to the tip of the blade near the margin; rooted higher where a bay is in the way.
+        // A vein is straight at first and bends to the tip of the blade near the margin; its root is moved up if the
+        // vein would cross a bay.
         for k in 0..16_u8 {
             let y = (y + 0.012 * spec.length * f32::from(k)).min(most.max(lowest));
             vein.root = Vec2::new(0.0, y);

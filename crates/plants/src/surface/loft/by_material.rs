@@ -10,10 +10,10 @@ type AppendAxis = fn(&Plant, &SkinOptions, u32, &mut PlantSkin, &mut Vec<[u32; 3
 
 /// A surface that some axes have in place of a tube.
 pub(super) struct AxisSurface {
-    /// Whether an axis has it.
+    /// Whether an axis has this surface.
     pub is_of: fn(&Plant, &SkinOptions, &Axis) -> bool,
     pub append: AppendAxis,
-    /// What makes the skin smaller, for the error `Limit`.
+    /// Advice in the error `Limit` on what makes the skin smaller.
     pub remedy: &'static str,
 }
 

@@ -40,7 +40,7 @@ pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layo
     skin.tubes = layout.tubes;
 }
 
-/// The buffer with `n` entries. The caller overwrites them all, so old entries are not cleared.
+/// Resizes a buffer to `n` entries. The caller overwrites all of them, so old entries are not cleared.
 fn resized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> {
     if buffer.capacity() < n {
         drop(buffer);

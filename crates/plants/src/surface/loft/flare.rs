@@ -12,25 +12,26 @@ use osier_base::rng::{Rng, mix64, word};
 /// The widening at a corner of the trunk's polygon.
 #[derive(Debug, Clone, Copy)]
 struct RidgeShape {
-    /// Widening there over its mean.
+    /// Widening at the corner divided by the mean widening.
     share: f32,
-    /// Its change with the azimuth, 1/rad.
+    /// Derivative of `share` by the azimuth, 1/rad.
     slope: f32,
 }
 
 /// Ridges of the flare of one trunk.
 #[derive(Debug, Clone)]
 pub(super) struct Ridges {
-    /// By corner of the polygon; the last repeats the first.
+    /// Shape at each corner of the polygon; the last repeats the first.
     shapes: Vec<RidgeShape>,
 }
 
 impl Ridges {
-    /// The ridges of a tube; `None` where its flare is round. They are drawn from the id of the trunk, so that they are those of the
-    /// individual, whatever else changes.
+    /// The ridges of a tube; `None` where its flare is round. They are drawn from the id of the trunk, so that an
+    /// individual keeps its ridges whatever else changes.
     pub fn new(tube: &TubeInputs<'_>) -> Option<Self> {
         let options = tube.context.options;
-        // Thick trunks have the most sides of all tubes: more ridges than they carry would leave them round.
+        // The greatest number of sides limits the number of ridges: a polygon with too few sides for its ridges would
+        // look round.
         let count = options.buttresses.min(options.sides.1 / SIDES_OF_RIDGE);
         let is_trunk = matches!(tube.plan.start, TubeStart::Root) && options.flare > 0.0;
         if !is_trunk || count < 2 || tube.params.sides < SIDES_OF_RIDGE * count {
@@ -63,15 +64,15 @@ impl Ridges {
             slope: RIDGE_CONTRAST * slope / mean,
         };
         let mut shapes: Vec<RidgeShape> = bumps.into_iter().map(shape).collect();
-        // The seam closes in every bit.
+        // The last corner equals the first bit for bit, so that the seam closes.
         if let (Some(first), Some(last)) = (shapes.first().copied(), shapes.last_mut()) {
             *last = first;
         }
         Some(Self { shapes })
     }
 
-    /// Moves the points of a ring, written from the mesh index `first` on, out to the ridges and in between them. Normals of caps
-    /// (`flat`) stay.
+    /// Moves the points of a ring, written from the mesh index `first` on, outwards at the ridges and inwards between
+    /// them. Normals of caps (`flat`) stay.
     pub fn shape(&self, tube: &TubeInputs<'_>, ring: &Ring, first: u32, flat: bool, out: &mut TubeWriter<'_>) {
         let wide = widening(tube.context.options, ring.s, tube.plan.r_base);
         if wide < LEAST_WIDENING {

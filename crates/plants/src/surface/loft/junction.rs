@@ -30,7 +30,7 @@ struct Cone {
 }
 
 impl Cone {
-    /// The cone through two circles. `inscribed`: inradius over circumradius of the polygon.
+    /// The cone through two circles. `inscribed`: inradius divided by circumradius of the polygon.
     fn new(lower: Circle, upper: Circle, inscribed: f32) -> Self {
         // Inscribed radii: the mesh of the parent is a prism within its circles, and the branch must not float above
         // its facets.
@@ -83,9 +83,9 @@ struct ParentTube<'a> {
     rings: &'a [Ring],
     /// The circle of the parent's own junction, below its first ring; unused without one.
     base: Circle,
-    /// The upper ring of the first segment: 0 with a junction, else 1.
+    /// Index of the upper ring of the first segment: 0 with a junction, otherwise 1.
     lowest: usize,
-    /// Inradius over circumradius of the polygon.
+    /// Inradius divided by circumradius of the polygon.
     inscribed: f32,
 }
 
@@ -157,10 +157,10 @@ struct JunctionShape<'a> {
 
 /// Writes the hidden cap, the collar and the rings above it; returns the first point of the uppermost ring.
 /// Each corner of the branch starts where its own line meets the parent, so the collar follows the parent's surface
-/// however obliquely the branch leaves; its widening fades with the third power of the way to the first regular ring. On the
-/// parent's surface the normals lie between those of both surfaces, which hides the crease. The cap is a fan from the collar
-/// to a point below its middle: seen along the branch its corners surround that point, so none of its triangles can turn
-/// over, and it stays inside the parent however that bends.
+/// however obliquely the branch leaves; its widening falls with the third power of the remaining distance to the first
+/// regular ring. On the parent's surface the normals lie between those of both surfaces, which hides the crease. The cap is
+/// a fan from the collar to a point below its middle: seen along the branch its corners surround that point, so none of
+/// its triangles can turn over, and it stays inside the parent however that bends.
 pub(super) fn write_junction(tube: &TubeInputs<'_>, site: &Junction, out: &mut TubeWriter<'_>) -> u32 {
     let (context, Some(first)) = (&tube.context, tube.rings.first()) else { return 0 };
     // The parent's surface, and its segment at the attachment.
@@ -270,7 +270,8 @@ impl JunctionShape<'_> {
     }
 }
 
-/// Inradius over circumradius of a regular polygon, less 0.2 %, so that the junction does not float above the parent's facets.
+/// Inradius divided by circumradius of a regular polygon, reduced by 0.2 %, so that the junction does not float above
+/// the parent's facets.
 fn inscribed_radius(sides: u32) -> f32 {
     0.998 * math::cos_f32(std::f32::consts::PI / sides as f32)
 }

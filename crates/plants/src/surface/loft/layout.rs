@@ -1,4 +1,5 @@
-//! Second pass: numbers of sides, texture offsets and index ranges; what a continuing branch inherits from its parent.
+//! Second pass: numbers of sides, texture offsets and index ranges; also the parameters that a continuing branch
+//! inherits from its parent.
 
 use glam::Vec3;
 
@@ -34,7 +35,7 @@ pub(super) struct TubeParams {
 pub(super) struct SkinLayout {
     /// Parameters of the tube of each axis, in the plant's order.
     pub params: Vec<TubeParams>,
-    /// In the order of the mesh: by material, then by axis.
+    /// Ranges of all tubes in the order of the mesh: by material, then by axis.
     pub tubes: Vec<TubeRange>,
     /// Consecutive tubes of one material.
     pub subsets: Vec<MaterialRun>,
@@ -184,7 +185,7 @@ fn assign_ranges(
     let wanted: u64 = order.iter().map(|&(_, axis)| size(axis).0).sum();
     let indexed = u64::from(u32::MAX / 4);
     if wanted > options.max_points.min(indexed) {
-        // No flag raises what indices can number.
+        // No flag raises the number of points that 32-bit indices can address.
         let flag = if options.max_points < indexed { "--max-vertices" } else { "" };
         return Err(Error::Limit {
             name: "points of the skin".into(),

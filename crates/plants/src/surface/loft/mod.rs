@@ -57,7 +57,7 @@ pub struct SkinOptions {
     pub sides: (u32, u32),
     /// Size of one repeat of the bark maps, width and height, m, > 0.
     pub tile: [f32; 2],
-    /// The same for axes that take the material of [`SkinOptions::shoot`].
+    /// Size of one repeat for axes that take the material of [`SkinOptions::shoot`], m.
     pub shoot_tile: [f32; 2],
     /// Whether the length of a repeat along an axis follows its radius or is fixed.
     pub uv: UvMode,
@@ -138,8 +138,8 @@ pub struct PlantSkin {
     pub mesh: Mesh,
     /// The skeleton location of each point, parallel to `mesh.points`.
     pub bindings: Vec<AxisBinding>,
-    /// One per axis that is neither a blade nor a cone, in the order of the mesh: by material, then as in the plant. Each is a closed surface once points that
-    /// share a position are welded.
+    /// Tubes, one per axis that is neither a blade nor a cone, in the order of the mesh: by material, then as in the
+    /// plant. Each is a closed surface once points that share a position are welded.
     pub tubes: Vec<TubeRange>,
 }
 

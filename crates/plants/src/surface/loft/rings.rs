@@ -40,7 +40,7 @@ pub(super) struct RingScratch {
     tangents: Vec<Vec3>,
 }
 
-/// What is prescribed for the first ring of a tube.
+/// Prescribed orientation of the first ring of a tube.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FirstRing {
     /// Unit tangent; `None`: the direction of the first segment.
@@ -105,7 +105,8 @@ fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) 
     for w in curve.windows(2).skip(1) {
         let after = math::normalize_or(w[1].p - w[0].p, before);
         let sum = before + after;
-        // Where the curve turns back along itself the sum is rounding only: the tangent stands across both segments.
+        // Where the curve turns back along itself the sum is only rounding error: the tangent is set perpendicular to
+        // the segments.
         let turns_back = sum.length_squared() < TURN_BACK_SUM_SQUARED;
         out.push(if turns_back { math::perpendicular(before) } else { math::normalize_or(sum, after) });
         before = after;
@@ -198,7 +199,7 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
         if passed.count > 0 {
             passed = SkippedPoints::default();
         }
-        // The last ring replaces one that it would crowd.
+        // The last ring replaces the ring before it if both are too close to each other.
         if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < MIN_RING_SPACING * l.r) {
             out.pop();
         }
@@ -207,7 +208,7 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
     }
 }
 
-/// Points after a ring up to which testing each takes less time than bounds: about the cost of the two directions of a bound.
+/// Number of points after a ring up to which testing each point is faster than computing bounds.
 const FEW_POINTS: usize = 6;
 /// Share of a tolerance that bounds may use up, so that rounding does not decide.
 const BOUND_SHARE: f32 = 0.9;
@@ -289,12 +290,12 @@ fn rings_cross(a: &Ring, b: &Ring) -> bool {
     ahead <= 0.0 || ahead * ahead <= 1.05 * (x * x + y * y)
 }
 
-/// Least cosine between the tangent of a ring and the way to its neighbour that counts as facing back. Rounding: the ring at a
-/// hairpin stands across the ways on both of its sides.
+/// A ring faces back if the cosine between its tangent and the direction to its neighbour is below this. It is not 0
+/// because of rounding: the ring at a hairpin is perpendicular to the directions on both of its sides.
 const BACK: f32 = -1e-3;
 
-/// Whether one of two neighbouring rings faces back on the way between them, as at a hairpin of which points were left out. No
-/// reason to remove a ring: all that follow a hairpin lie behind the ring before it.
+/// Whether one of two neighbouring rings faces back against the direction between them, as at a hairpin where points
+/// were left out. Such rings are not removed, because all rings after a hairpin lie behind the ring before it.
 fn one_faces_back(a: &Ring, b: &Ring) -> bool {
     let step = b.c - a.c;
     step.dot(a.t).min(step.dot(b.t)) < BACK * step.length()
@@ -311,7 +312,7 @@ fn tilt_crossing_rings(rings: &mut [Ring], e0: Vec3, fixed: bool) {
             if d < 1e-9 || !(rings_cross(&a, &b) || one_faces_back(&a, &b)) {
                 continue;
             }
-            // Radius times the sine against the chord: how far a plane leans towards the other.
+            // Radius times the sine of the angle to the chord: how far a plane leans towards the other.
             let chord = (b.c - a.c) / d;
             let (la, lb) = (a.r * sine(a.t, chord), b.r * sine(b.t, chord));
             if fixed && i == 1 {
@@ -350,8 +351,9 @@ fn sine(a: Vec3, b: Vec3) -> f32 {
     (1.0 - a.dot(b) * a.dot(b)).max(0.0).sqrt()
 }
 
-/// The unit vector whose sine against `chord` is `share` of that of `t`, on the same side, leaning forward. A `t` that faces
-/// back is turned across the chord only: the chord on the other side of a hairpin runs the opposite way.
+/// The unit vector at an angle to `chord` whose sine is `share` times that of `t`, on the same side, leaning forward. A
+/// `t` that faces back is turned only until it is perpendicular to the chord: the chord on the other side of a hairpin
+/// runs the opposite way.
 fn tilt_towards(t: Vec3, chord: Vec3, share: f32) -> Vec3 {
     // Scale the component across the chord, |across| = sine, and restore unit length by the cosine.
     let ahead = t.dot(chord);

@@ -14,7 +14,8 @@ use osier_scene::plant::{Axis, AxisKind, Plant};
 const SIDES: u32 = 3;
 /// Cosine and sine of the directions of its edges.
 const CORNERS: [[f32; 2]; SIDES as usize] = [[1.0, 0.0], [-0.5, 0.866_025_4], [-0.5, -0.866_025_4]];
-/// Most that a node which is left out may lie beside the cone's centreline, in radii at the base of the axis, and m that are always allowed.
+/// Largest distance of a left-out node from the cone's centreline, in radii at the base of the axis, and the distance
+/// in m that is always allowed.
 /// Own: the branches that it bears then miss the cone by less than its thickness, its leaves by a stalk.
 const MAX_DRIFT: f32 = 2.0;
 const LEAST_DRIFT: f32 = 0.012;
@@ -41,7 +42,7 @@ fn corner_nodes(plant: &Plant, axis: &Axis) -> Vec<usize> {
     let mut corners = vec![first];
     let mut from = first;
     for to in first + 1..last {
-        // The chord to the next node leaves out all nodes between, if none of them is too far beside it.
+        // The chord to the next node leaves out all nodes between, if none of them is too far from it.
         let chord = math::normalize_or(p[to + 1] - p[from], Vec3::Y);
         let misses = |i: usize| (p[i] - p[from]).reject_from_normalized(chord).length_squared() > drift * drift;
         if (from + 1..=to).any(misses) {
@@ -53,8 +54,8 @@ fn corner_nodes(plant: &Plant, axis: &Axis) -> Vec<usize> {
     corners
 }
 
-/// v at the corner nodes of a cone, as on a tube with one repeat around: by the girth of the wood between them, which counts as a
-/// quarter of that of the base at least, or by the length alone.
+/// v at the corner nodes of a cone, as on a tube with one repeat around: length divided by the girth of the wood, which
+/// counts as at least a quarter of that of the base, or the length alone.
 fn v_coordinates(plant: &Plant, options: &SkinOptions, corners: &[usize]) -> Vec<f32> {
     let (s, r) = (&plant.nodes.s, &plant.nodes.r);
     let base = corners.first().map_or(0.0, |k| r[*k]);

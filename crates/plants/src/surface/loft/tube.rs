@@ -20,7 +20,7 @@ pub(super) struct SkinContext<'a> {
     pub circles: &'a CircleTables,
 }
 
-/// What the mesh of one axis is built from: its plan, rings and cross-section.
+/// Inputs of the mesh of one axis: its plan, rings and cross-section.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TubeInputs<'a> {
     pub context: SkinContext<'a>,

@@ -58,7 +58,7 @@ pub(super) enum TubeCap {
 /// The tube of one axis before its points are numbered.
 #[derive(Debug, Clone)]
 pub(super) struct TubePlan {
-    /// Its rings among those of its task.
+    /// Range of its rings among those of its task.
     pub rings: Range<usize>,
     pub start: TubeStart,
     pub cap: TubeCap,
@@ -139,11 +139,11 @@ fn end_direction(plant: &Plant, axis: &Axis) -> Vec3 {
     math::normalize_or(plant.nodes.p[last] - plant.nodes.p[last - 1], Vec3::Y)
 }
 
-/// What the plan of one tube depends on; no plan depends on another.
+/// Inputs of the plan of one tube; no plan depends on another.
 struct TubePlanner<'a> {
     plant: &'a Plant,
     options: &'a SkinOptions,
-    /// Of each axis the thickest child at its tip, or [`NONE`].
+    /// The thickest child at the tip of each axis, or [`NONE`].
     leaders: &'a [u32],
     /// Index of `axis` in the plant.
     index: usize,
@@ -298,8 +298,8 @@ impl TubePlanner<'_> {
         Some(t0)
     }
 
-    /// Unit direction of the parent's segment at the attachment. Where the branch leaves from a node of the parent, it is the
-    /// segment ahead if the branch runs forwards, else the one behind.
+    /// Unit direction of the parent's segment at the attachment. Where the branch leaves from a node of the parent, it
+    /// is the segment ahead if the branch runs forwards, otherwise the one behind.
     fn parent_direction(&self, parent: &Axis) -> Vec3 {
         let nodes = self.plant.nodes_of(parent);
         let (p, s) = (&self.plant.nodes.p, &self.plant.nodes.s[nodes.clone()]);
@@ -351,7 +351,8 @@ impl TubePlanner<'_> {
         // Replace the branch between its exit point and the first regular ring by a straight line. Refuse the junction if
         // that line runs along the parent, or if the branch turns away from it beyond the ring.
         let o = a.p + t * reach;
-        // The cylinder is infinite and straight; the parent ends, and may bend away before the branch has left the cylinder.
+        // The cylinder is infinite and straight, but the parent ends, and it may bend away before the branch has left
+        // the cylinder.
         let beside = self.plant.frame(parent, self.axis.parent_s + (o - site.p).dot(along));
         if o.distance(beside.p) - r > MAX_JUNCTION_DISTANCE * beside.r {
             return None;
@@ -375,8 +376,8 @@ struct SideStart {
     first_ring: f32,
 }
 
-/// How much wider a trunk of radius `r0` (m) at its base is at arc length `s` (m), as a share of its radius; below the ground as at the
-/// ground. Own: flare exp(-s / (flare_height r0)).
+/// Widening of a trunk of radius `r0` (m) at its base at the arc length `s` (m), as a share of its radius; below the
+/// ground it is that at the ground. Own: flare exp(-s / (flare_height r0)).
 pub(super) fn widening(options: &SkinOptions, s: f32, r0: f32) -> f32 {
     options.flare * math::exp_f32(-s.max(0.0) / (options.flare_height * r0))
 }

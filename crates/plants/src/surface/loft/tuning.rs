@@ -37,8 +37,8 @@ pub(super) const FILLET_RADIUS: f32 = 1.1;
 /// Cosine of the angle, 150 degrees, beyond which a corner turns back and has no fillet: the arc would cut more than three radii
 /// off its end, and all of both segments at 180 degrees.
 pub(super) const HAIRPIN_COSINE: f32 = -0.866;
-/// Squared length of the sum of two unit vectors below which they count as opposite: 179.94 degrees. Larger: the tangents of sharp
-/// corners jump; smaller: rounding chooses them.
+/// Squared length of the sum of two unit vectors below which they count as opposite: 179.94 degrees. With a larger
+/// value the tangents of sharp corners jump; with a smaller one rounding decides their direction.
 pub(super) const TURN_BACK_SUM_SQUARED: f32 = 1e-6;
 /// Least radius of a fillet arc: below about 1 the rings meet on its inner side.
 pub(super) const MIN_FILLET_RADIUS: f32 = 1.04;
@@ -66,7 +66,8 @@ pub(super) const FLARE_SAMPLES: [f32; 8] = [0.6, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 1
 pub(super) const FLARE_SAMPLE_HEIGHT: f32 = 3.0;
 /// A sample is left out if the axis has a node within this distance, in the unit of the samples.
 pub(super) const FLARE_SAMPLE_SPACING: f32 = 0.3;
-/// Sides that each ridge of a flare needs: with fewer, ridges turn into corners, and the flare stays round.
+/// Number of sides that each ridge of a flare needs. With fewer sides ridges would be single corners; the flare then
+/// stays round.
 pub(super) const SIDES_OF_RIDGE: u32 = 4;
 /// How far the widening of a flare varies around the trunk, as a share of its mean: at 1 the trunk would be as narrow between two
 /// roots as it is above them.
@@ -82,8 +83,9 @@ pub(super) const LEAST_WIDENING: f32 = 0.01;
 /// below it the curve folds back on itself.
 pub(super) const MIN_CONTINUATION_ADVANCE: f32 = 0.35;
 
-/// Least distance of a ring at a change of colour from the ring before it, in radii: nearer, its quads would fold in bends.
+/// Least distance of a ring at a change of colour from the ring before it, in radii; the quads of a nearer ring would
+/// fold in bends.
 pub(super) const MIN_EDGE_SPACING: f32 = 0.02;
-/// A point of the centreline gets the ring of a change of colour also if it lies before it by at most this share of its arc
-/// length, for rounding.
+/// A point of the centreline also gets the ring of a change of colour if it lies before that change by at most this
+/// share of the arc length; this allows for rounding.
 pub(super) const EDGE_TOLERANCE: f32 = 1e-5;

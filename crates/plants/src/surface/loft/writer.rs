@@ -15,9 +15,9 @@ pub(super) struct TubeWriter<'a> {
     pub triangles: &'a mut [[u32; 3]],
     /// Index in the mesh of the first point of the range.
     pub first_point: u32,
-    /// Number of points written to the range, the place of the next.
+    /// Number of points written to the range, which is the position of the next one.
     pub points_written: u32,
-    /// Number of triangles written to the range, the place of the next.
+    /// Number of triangles written to the range, which is the position of the next one.
     pub triangles_written: usize,
 }
 
@@ -26,7 +26,7 @@ pub(super) struct TubeWriter<'a> {
 pub(super) struct PointRing {
     /// Centre of the circle, m.
     pub c: Vec3,
-    /// Unit vector to the seam, and the one a quarter turn on.
+    /// Unit vector towards the seam, and that vector rotated by a quarter turn about the axis.
     pub e: Vec3,
     pub b: Vec3,
     /// Radius of the circle, m; 0 is allowed.

@@ -7,13 +7,14 @@ use osier_base::{Error, Result};
 /// Size and position of a terrain from a height map, and how its samples are thinned and smoothed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightMapParams {
-    /// Samples along x and along z, each at least 2; the outermost lie on the border of the land.
+    /// Number of samples along x and along z, each at least 2; the outermost lie on the border of the land.
     pub counts: [usize; 2],
     /// Length along x, m, > 0; that along z follows, as cells are square.
     pub width: f32,
     /// Centre of the terrain in the world, x and z, m.
     pub center: [f32; 2],
-    /// Distance of the heights that are kept in samples of the map, at least 1: 2 keeps half as many along each side.
+    /// Distance between the heights that are kept, in samples of the map, at least 1: 2 keeps half as many along each
+    /// side.
     pub stride: u32,
     /// Passes of binomial smoothing (1 2 1) over the heights that are kept.
     pub smooth: u32,
@@ -40,9 +41,10 @@ impl Terrain {
         let across = ((columns - 1 + stride / 2) / stride).max((columns - 1).div_ceil(rows - 1));
         let along = (rows - 1) * across / (columns - 1);
         let kept = [across + 1, along + 1];
-        // The rest of the map along z, in samples times `across`; half of it lies before the first row.
+        // The part of the map along z that is left over, in samples times `across`; half of it lies before the first
+        // row.
         let rest = (rows - 1) * across - along * (columns - 1);
-        // Depth over width: that of the map if nothing is left.
+        // Ratio of depth to width: that of the map if nothing is left over.
         let [z, x] = if rest == 0 { [rows - 1, columns - 1] } else { [along, across] };
         let depth = params.width * (z as f32 / x as f32);
         // Fewer heights at equal distances: rows first, then the columns of each.
@@ -78,7 +80,8 @@ impl Terrain {
     }
 }
 
-/// The sample before the place `part / whole`, of `count` samples, and the position from it to the next, 0 to 1.
+/// Index of the sample before the position `part / whole` among `count` samples, and the position between it and the
+/// next one, 0 to 1.
 fn place_between(part: usize, whole: usize, count: usize) -> (usize, f32) {
     // In whole numbers, so that the last entry falls exactly on the last sample.
     let (before, rest) = (part / whole, part % whole);

@@ -11,7 +11,7 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Maps, Material, MaterialClass};
 
-/// Linear colours of earth, grass and rock, and what decides which of them is on the surface.
+/// Linear colours of earth, grass and rock, and the parameters that decide which of them is on the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TerrainColors {
     /// Colour of earth where neither grass nor rock covers it.
@@ -128,7 +128,7 @@ impl TerrainNoise {
     }
 }
 
-/// Slope of the terrain and its height over the smoothed terrain, bilinear between the samples.
+/// Slope of the terrain and its height above the smoothed terrain, bilinear between the samples.
 struct TerrainShape {
     counts: [usize; 2],
     /// Slope, rad, and height above the smoothed land, m, at each height.
@@ -136,7 +136,7 @@ struct TerrainShape {
 }
 
 impl TerrainShape {
-    /// Slopes by central differences; relative heights against a copy smoothed [`SMOOTHING_PASSES`] times.
+    /// Slopes by central differences; relative heights are measured from a copy smoothed [`SMOOTHING_PASSES`] times.
     fn new(land: &Terrain) -> Self {
         let mut broad = land.clone();
         (0..SMOOTHING_PASSES).for_each(|_| broad.smooth_binomial());

@@ -72,7 +72,7 @@ impl Terrain {
             let (low, high) = (self.row(j * step), self.row((j + 1) * step));
             let one = |i: usize| {
                 let (w, e) = (i * step, (i + 1) * step);
-                // Summed in double precision and rounded once.
+                // In double precision the sum of four f32 heights is exact, so that the order of the corners changes nothing.
                 let sum = f64::from(low[w]) + f64::from(low[e]) + f64::from(high[w]) + f64::from(high[e]);
                 narrow(0.25 * sum + by * uniform(child(key, i as u64)))
             };

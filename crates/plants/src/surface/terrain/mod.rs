@@ -80,7 +80,7 @@ impl Default for TerrainParams {
 }
 
 impl TerrainParams {
-    /// Checks the ranges given at the fields; corners and floor must lie within 1e6 m of 0.
+    /// Checks the ranges stated at the fields; corners and floor must lie within 1e6 m of 0.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {
@@ -112,7 +112,7 @@ impl TerrainParams {
 /// Land over a rectangle: heights on a grid of square cells, or the triangles of an artist's mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terrain {
-    /// Heights along x and along z, each at least 2.
+    /// Number of heights along x and along z, each at least 2.
     pub counts: [usize; 2],
     /// Lengths along x and along z, m.
     pub size: [f32; 2],
@@ -124,7 +124,8 @@ pub struct Terrain {
     pub tileable: bool,
     /// Heights, m: rows from -z to +z, in each from -x to +x.
     pub heights: Vec<f32>,
-    /// Triangles of an artist's mesh, which then define the surface; `heights` are samples of it, for what needs a grid.
+    /// Triangles of an artist's mesh, which then define the surface; `heights` are samples of it for functions that
+    /// need a grid.
     pub surface: Option<Arc<TerrainSurface>>,
 }
 
@@ -156,7 +157,7 @@ impl Terrain {
         inside && self.surface.as_ref().is_none_or(|mesh| mesh.highest_at(x, z).is_some())
     }
 
-    /// Lowest and highest point of the surface, m, those of a mesh between the samples included.
+    /// Lowest and highest point of the surface, m, including points of a mesh between the samples.
     pub fn range(&self) -> [f32; 2] {
         // A mesh may rise and fall between the samples of its heights.
         let corners = self.surface.iter().flat_map(|mesh| mesh.corner_heights());
@@ -208,7 +209,7 @@ impl Terrain {
         (h + f * dx + g * dz, [dx * rate, dz * rate])
     }
 
-    /// Heights of a cell of the mesh: at (i, j), one stride on along x, one along z, and one along both.
+    /// Heights at the corners of a cell of the mesh: at (i, j), one stride further along x, along z, and along both.
     fn corners(&self, i: usize, j: usize) -> [f32; 4] {
         let s = self.stride;
         [self.height(i, j), self.height(i + s, j), self.height(i, j + s), self.height(i + s, j + s)]

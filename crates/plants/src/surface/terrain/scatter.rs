@@ -11,7 +11,8 @@ use osier_base::neighbours::NeighbourGrid;
 use osier_base::noise;
 use osier_base::rng::{Key, Rng, child};
 
-/// Candidates of a cell, one per round. More rounds fill gaps that the first ones leave; each costs at most as much as the first.
+/// Candidates of a cell, one per round. Further rounds fill gaps that the first ones leave; each costs at most as much
+/// as the first round.
 const CANDIDATES_PER_CELL: u32 = 4;
 /// Entry of a cell without an accepted point.
 const EMPTY: u32 = u32::MAX;
@@ -25,11 +26,11 @@ pub struct ScatterDisc {
     pub radius: f32,
     /// Inner radius, m; points keep out of it. 0: a disc.
     pub inner: f32,
-    /// Share of the radius over which the share of the positions that get a point falls to 0 at the rim, 0..1.
+    /// Width of the rim, as a share of the radius, 0..1, over which the density of points falls to 0.
     pub fade: f32,
 }
 
-/// Grey picture over the whole terrain, row 0 at -z, whose values multiply the density: 0 is black, where no position lies.
+/// Grey picture over the whole terrain, row 0 at -z, whose values multiply the density: 0 is black, where no point lies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensityMask {
     /// Pixels along x, which span the terrain from -x to +x.
@@ -70,7 +71,7 @@ pub struct ScatterParams {
     pub clump_key: u64,
     /// Region; `None`: the whole land.
     pub disc: Option<ScatterDisc>,
-    /// Number of points at which the scatter ends; which ones are accepted is then random.
+    /// Number of points at which the scatter ends; which points are accepted is then random.
     pub max_count: usize,
 }
 
@@ -127,7 +128,8 @@ impl ScatterGrid {
     fn new(land: &Terrain, params: &ScatterParams) -> Self {
         let edge = params.spacing * std::f32::consts::FRAC_1_SQRT_2;
         let last = land.size.map(|length| ((length / edge).ceil() as usize).max(1) - 1);
-        // Only cells that the disc touches are visited; they are numbered as those of the whole terrain, which fixes their draws.
+        // Only cells that the disc touches are visited; they keep their numbers among the cells of the whole terrain,
+        // so that their draws do not depend on the disc.
         let span = |axis: usize| match params.disc {
             None => [0, last[axis]],
             Some(d) => {
@@ -153,9 +155,9 @@ type Candidate = (u64, u32);
 
 /// Points of one scatter. Each of four rounds draws a candidate in every cell without a position. In the order of (round,
 /// priority, cell) a candidate becomes a position if it lies within the limits, and if no position of this scatter is nearer than the
-/// spacing and none of `taken` nearer than allowed, horizontally. The share of density, mask, fading rim and patches of the positions
-/// get a point, so that a smaller share above 0 leaves out points and moves none. `key`: from [`scatter_key`]; scatters made later do
-/// not change the result.
+/// spacing and none of `taken` nearer than allowed, horizontally. A share of the positions, the product of density,
+/// mask, fading rim and patches, gets a point, so that a smaller share above 0 leaves out points and moves none. `key`:
+/// from [`scatter_key`]; scatters made later do not change the result.
 /// # Errors
 /// `Limit` beyond the candidates allowed.
 /// Own: dart throwing with a grid; a cell with a position gets no further candidates, since no second one fits in.
@@ -191,7 +193,7 @@ pub fn scatter(
                 return Ok(points);
             }
             let cell = *cell as usize;
-            // One stream per candidate gives its position, its acceptance, and what the caller draws later.
+            // One stream per candidate gives its position, its acceptance, and the later draws of the caller.
             let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
             let at = candidate_position(&cells, land, cell, &mut rng);

@@ -12,8 +12,8 @@ use osier_base::{Error, Result};
 const LEAST_RISE: f32 = 1e-6;
 /// Vertical distance from which two surfaces at one (x, z) count as separate, m. Own: above the rounding of coordinates of 1 km.
 const LEAST_GAP: f32 = 1e-2;
-/// Margin of the barycentric coordinates within which a point counts as inside, so that neighbours leave no gap between them; of
-/// the index, over the extent of the mesh.
+/// Margin of the barycentric coordinates within which a point counts as inside, so that neighbours leave no gap between
+/// them; for the index, margin as a share of the extent of the mesh.
 const EDGE_MARGIN: f32 = 1e-5;
 /// Triangles of the mesh for each cell of the index. Own: short lists are scanned faster than a finer index is read.
 const TRIANGLES_PER_CELL: usize = 2;
@@ -190,8 +190,8 @@ pub struct MeshTerrain {
 
 impl Terrain {
     /// Terrain of an artist's mesh. Heights and normals are those of its highest surface; `cells` square cells along the longer
-    /// side sample it for what needs a grid. Samples over a hole are filled from its rim inwards with the mean of their
-    /// neighbours.
+    /// side sample it for functions that need a grid. Samples over a hole are filled from its rim inwards with the mean
+    /// of their neighbours.
     /// # Errors
     /// `Range` for a mesh without a length along x or z.
     pub fn from_mesh(surface: TerrainSurface, cells: usize) -> Result<MeshTerrain> {

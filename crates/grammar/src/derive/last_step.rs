@@ -1,0 +1,158 @@
+//! The last step of a derivation: which module of the string before it each module of its result comes from.
+
+use super::{DeriveOptions, DerivedString, derive};
+use crate::grammar::{Grammar, runtime_error};
+use crate::modules::{LineageIds, Module, ModuleString};
+use crate::symbols::SymbolId;
+use osier_base::Result;
+use osier_base::convert::saturating_index;
+use osier_base::limits::Limits;
+
+/// Limit on the modules whose origin may remain unknown, beyond which the search ends: each of them costs a pass over the
+/// string before the step. Only decompositions and cut branches cause any.
+const MAX_UNKNOWN: usize = 16;
+
+/// The last step of a derivation, if only a part of it is drawn.
+#[derive(Debug, Clone)]
+pub struct LastStep {
+    /// The string before the step.
+    pub before: ModuleString,
+    /// Origin of each module of the string after the step.
+    pub origins: Vec<Origin>,
+    /// The fraction of the step that is drawn, above 0 and below 1.
+    pub part: f64,
+}
+
+/// Where a module of the string after a step comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// The module was in the string before the step, with this index.
+    Kept(u32),
+    /// A production made the module from the one with this index in the string before the step.
+    Made(u32),
+    /// Several productions, one after the other, made the module in the step.
+    Unknown,
+}
+
+/// Derives a grammar to a step of which only the fraction `part` is drawn: the string has all steps of `options`, and
+/// [`DerivedString::last_step`] describes the last one.
+/// # Errors
+/// Errors of [`derive()`]; `Input` with L063 for grammars with queries, and for random numbers drawn as in cpfg.
+pub fn derive_part(grammar: &Grammar, options: &DeriveOptions, part: f64, limits: &Limits) -> Result<DerivedString> {
+    if grammar.has_queries() || options.draw_as_cpfg {
+        let what = if options.draw_as_cpfg { "random numbers are drawn as in cpfg" } else { "the turtle is queried" };
+        let message = format!("a part of a step cannot be drawn where {what}");
+        return Err(runtime_error(grammar, "L063", message, grammar.length_place(), "use a whole number of steps"));
+    }
+    let mut derived = derive(grammar, options, limits)?;
+    let Some(previous) = derived.steps.checked_sub(1) else { return Ok(derived) };
+    // If the derivation ended before its last step, there is no part to draw.
+    if options.steps.is_none_or(|steps| steps != derived.steps) {
+        return Ok(derived);
+    }
+    let before = derive(grammar, &DeriveOptions { steps: Some(previous), ..options.clone() }, limits)?.modules;
+    let origins = origins(grammar, &before, &derived.modules);
+    derived.last_step = Some(std::sync::Arc::new(LastStep { before, origins, part }));
+    Ok(derived)
+}
+
+/// The origin of each module of `after`. Both strings are in the order of derivation, so that the search moves only forward
+/// in both.
+fn origins(grammar: &Grammar, before: &ModuleString, after: &ModuleString) -> Vec<Origin> {
+    let mut search = OriginSearch { grammar, before, at: 0, occurrences: Vec::new() };
+    let mut unknown = 0;
+    let mut origin = |m: Module<'_>| {
+        let found = if unknown < MAX_UNKNOWN { search.origin(m) } else { Origin::Unknown };
+        unknown += usize::from(found == Origin::Unknown);
+        found
+    };
+    after.iter().map(&mut origin).collect()
+}
+
+/// State of the search for origins.
+struct OriginSearch<'a> {
+    grammar: &'a Grammar,
+    before: &'a ModuleString,
+    /// Current index in the string before the step.
+    at: usize,
+    /// Symbols of the modules found so far that were made from the module at `at`, each with its number.
+    occurrences: Vec<(SymbolId, u32)>,
+}
+
+impl OriginSearch<'_> {
+    /// The origin of the next module, recognised by its lineage: that of a made module follows from the lineage of its
+    /// parent.
+    fn origin(&mut self, m: Module<'_>) -> Origin {
+        let code = u64::from(u32::from(self.grammar.symbols().get(m.symbol)));
+        let lineage = m.lineage();
+        for i in self.at..self.before.len() {
+            let parent = self.before.get(i).lineage();
+            let known = self.occurrences.iter().position(|(symbol, _)| *symbol == m.symbol).filter(|_| i == self.at);
+            let occurrence = known.map_or(0, |k| self.occurrences[k].1);
+            if LineageIds::new(code, occurrence).lineage(parent) == lineage {
+                if i != self.at {
+                    (self.at, self.occurrences) = (i, Vec::new());
+                }
+                match known {
+                    Some(k) => self.occurrences[k].1 += 1,
+                    None => self.occurrences.push((m.symbol, 1)),
+                }
+                return Origin::Made(saturating_index(i));
+            }
+            if parent == lineage {
+                (self.at, self.occurrences) = (i + 1, Vec::new());
+                return Origin::Kept(saturating_index(i));
+            }
+        }
+        Origin::Unknown
+    }
+}
+
+impl DerivedString {
+    /// The last step; `None` unless only a part of it is drawn.
+    pub fn last_step(&self) -> Option<&LastStep> {
+        self.last_step.as_deref()
+    }
+
+    /// Interpolates the parameters of module `i`, which must exist: sets each to `(1 - part) * old + part * value`.
+    pub fn interpolate_parameters(&mut self, i: usize, old: &[f32], part: f64) {
+        let params = self.modules.get(i).params;
+        let blend = |(old, new): (&f32, &f32)| (1.0 - part) * f64::from(*old) + part * f64::from(*new);
+        let values: Vec<f64> = old.iter().zip(params).map(blend).collect();
+        self.modules.set_params(i, &values);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::read;
+
+    fn letters(text: &str, steps: u32) -> Vec<String> {
+        let (grammar, _) = read(text);
+        let options = DeriveOptions { steps: Some(steps), ..DeriveOptions::default() };
+        let derived = derive_part(&grammar, &options, 0.5, &Limits::default()).expect("derives");
+        let step = derived.last_step().expect("a last step");
+        let name = |m: Module<'_>| grammar.symbols().get(m.symbol);
+        let origin = |(m, origin): (Module<'_>, &Origin)| match origin {
+            Origin::Kept(i) => format!("{}={i}", name(m)),
+            Origin::Made(i) => format!("{}<{}{i}", name(m), name(step.before.get(*i as usize))),
+            Origin::Unknown => format!("{}?", name(m)),
+        };
+        derived.modules.iter().zip(&step.origins).map(origin).collect()
+    }
+
+    #[test]
+    fn modules_know_what_they_were_made_from() {
+        // ABC becomes BAA, nothing, C: equal symbols of one successor are told apart by their number.
+        let text = "Lsystem: 1\nderivation length: 1\nAxiom: ABC\nA --> BAA\nB --> *\nendlsystem\n";
+        assert_eq!(letters(text, 1), ["B<A0", "A<A0", "A<A0", "C=2"]);
+        assert_eq!(letters(text, 2), ["B<A1", "A<A1", "A<A1", "B<A2", "A<A2", "A<A2", "C=3"]);
+    }
+
+    #[test]
+    fn decomposed_modules_have_an_unknown_origin() {
+        let text = "Lsystem: 1\nderivation length: 1\nAxiom: AC\nA --> B\ndecomposition\nB --> DE\nendlsystem\n";
+        assert_eq!(letters(text, 1), ["D?", "E?", "C=1"]);
+    }
+}
