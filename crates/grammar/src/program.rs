@@ -193,6 +193,8 @@ pub(crate) struct Program {
     pub is_ring: bool,
     /// Each step rewrites from the end of the string to its beginning (`backward()` of L-Py).
     pub is_backward: bool,
+    /// Slot of the global variable that says whether a step rewrites backward, where that changes from step to step.
+    pub direction: Option<u16>,
     pub blocks: ControlBlocks,
     pub rules: ProductionSet,
     pub decomposition: ProductionSet,
@@ -290,6 +292,12 @@ impl Program {
         self.turtle.as_ref().is_some_and(|t| t.overrides_cpfg(self.symbols.find(c)))
     }
 
+    /// True if the next step rewrites from the end of the string, with these values of the global variables.
+    pub fn steps_backward(&self, globals: &[f64]) -> bool {
+        let changes = self.direction.and_then(|slot| globals.get(usize::from(slot)));
+        changes.map_or(self.is_backward, |value| !super::code::is_zero(*value))
+    }
+
     /// True if the rewriting of a module depends only on the module and the step, so that modules may be rewritten in any
     /// order and without storing a string.
     pub fn rewrites_independently(&self) -> bool {
@@ -309,6 +317,7 @@ impl Program {
     pub fn is_serial(&self) -> bool {
         let writes = |p: &Production| p.codes().any(|c| c.writes_globals() || c.prints());
         self.is_backward
+            || self.direction.is_some()
             || !self.subsystems.is_empty()
             || self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1 || !p.new_left.is_empty())
             || self.decomposition.list.iter().any(writes)

@@ -285,6 +285,13 @@ impl ItemParser<'_> {
                 continue;
             }
             let is_array = matches!(cursor.peek().map(|t| t.kind), Some(TokenKind::Ident(w)) if self.session.names.get(w) == "array");
+            if !is_array && self.is_word(cursor.peek(), "external") {
+                let message = "arrays that another program fills ('external') are not supported".to_owned();
+                let help =
+                    "osier runs no programs beside a grammar: write the array with its values, array a[2] = {1, 2};";
+                self.session.error_help("L001", message, cursor.peek().map_or(place, |t| t.place), help);
+                return;
+            }
             if !is_array {
                 let message = "unexpected token, expected 'array NAME[SIZE];'".to_owned();
                 let help = "only arrays are defined here; assign variables in Start: { .. }";
@@ -695,13 +702,21 @@ impl ItemParser<'_> {
                 TokenKind::Char('\u{2192}' | '\u{27f6}' | '\u{21d2}') => return Some(t.place),
                 TokenKind::Char('-' | '=') if follows(1, '>') => return to(1),
                 TokenKind::Char('=') if follows(1, '=') && follows(2, '>') => return to(2),
-                // The arrow of cpfg's productions that communicate with an environment.
-                TokenKind::Char('-') if follows(2, '>') && self.is_word(tokens.get(i + 1), "o") => return to(2),
                 TokenKind::Char('=') => return Some(t.place),
                 _ => {}
             }
         }
         None
+    }
+
+    /// cpfg's arrow of productions that an environment takes part in, wherever it stands in the line.
+    fn environment_arrow(&self, line: &LogicalLine) -> Option<SourcePlace> {
+        line.tokens.windows(3).find_map(|w| match w {
+            [a, o, b] if a.is('-') && self.is_word(Some(o), "o") && b.is('>') && o.glued && b.glued => {
+                Some(a.place.to(b.place))
+            }
+            _ => None,
+        })
     }
 
     fn is_word(&self, token: Option<&Token>, word: &str) -> bool {
@@ -735,6 +750,12 @@ impl ItemParser<'_> {
             let word = self.spelling(&line.tokens[..1]);
             let at = line.tokens.first().map_or(place, |t| t.place);
             return self.session.error_help("L002", format!("unknown item '{word}'"), at, help);
+        }
+        if let Some(arrow) = self.environment_arrow(line) {
+            let message = "'-o>', the arrow of productions that an environment takes part in, is not supported";
+            let help =
+                "osier runs no programs beside a grammar: write '-->' for what becomes of the module without one";
+            return self.session.error_help("L001", message.to_owned(), arrow, help);
         }
         // Arrows of other programs: `->`, `=` and the like.
         if let Some(arrow) = self.foreign_arrow(line) {

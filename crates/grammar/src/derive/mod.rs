@@ -256,7 +256,7 @@ impl<'g> Derivation<'g> {
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
             }
-            let changed = if self.vm.cpfg.is_some() && !self.program.is_backward {
+            let changed = if self.vm.cpfg.is_some() && !self.program.steps_backward(&self.vm.globals) {
                 self.rewrite_in_order(step)?
             } else {
                 let rewritten = self.rewrite_string(step)?;

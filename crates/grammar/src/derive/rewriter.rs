@@ -88,6 +88,8 @@ pub(super) struct Rewriter<'p> {
     weights: Vec<f64>,
     /// A step, and the part of the address of its choices that all modules share.
     choice_step: Option<(u32, StepChoices)>,
+    /// The string is rewritten from its end.
+    pub is_backward: bool,
     /// The new string, while the productions that read it are tested.
     pub made: MadeString,
 }
@@ -103,6 +105,7 @@ impl<'p> Rewriter<'p> {
             candidates: Vec::new(),
             weights: Vec::new(),
             choice_step: None,
+            is_backward: false,
             made: MadeString::default(),
         }
     }
@@ -231,10 +234,12 @@ impl<'p> Rewriter<'p> {
         if !view.matches_left(brackets, &p.left, at, locals) || !view.matches_right(brackets, &p.right, right, locals) {
             return Ok(false);
         }
-        if !p.new_left.is_empty() && !self.made.ends_with(view, brackets, &p.new_left, locals) {
+        // The new string is made on one side of the module: on the other there is nothing to look at.
+        let made = &mut self.made;
+        if !p.new_left.is_empty() && (self.is_backward || !made.ends_with(view, brackets, &p.new_left, locals)) {
             return Ok(false);
         }
-        if !p.new_right.is_empty() && !self.made.begins_with(view, brackets, &p.new_right, locals) {
+        if !p.new_right.is_empty() && (!self.is_backward || !made.begins_with(view, brackets, &p.new_right, locals)) {
             return Ok(false);
         }
         // The block before the condition may assign variables that the condition reads.

@@ -52,7 +52,7 @@ impl<'g> Derivation<'g> {
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
         }
-        if self.program.is_backward {
+        if self.program.steps_backward(&self.vm.globals) {
             let mut rewriter = Rewriter::new(settings, self.vm.take());
             let changed = rewrite_backward(&mut rewriter, &view, &mut self.next_string, budget);
             self.vm = rewriter.vm;
@@ -293,6 +293,7 @@ fn rewrite_backward(
     let budget = StringBudget { bytes: budget.bytes / 2, ..budget };
     let (mut reversed, mut successor) = (view.modules.empty(), view.modules.empty());
     let mut changed = false;
+    rewriter.is_backward = true;
     for i in (0..view.modules.len()).rev() {
         let module = view.modules.get(i);
         rewriter.made.lend(&mut reversed, turned);

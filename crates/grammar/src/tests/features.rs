@@ -527,3 +527,51 @@ fn quotes_are_symbols_that_contexts_skip_and_a_second_list_replaces_the_first() 
     let (_, said) = read("Lsystem: 1\nIgnore: -\nIgnore: +\nderivation length: 1\nAxiom: A\nA --> F\nendlsystem\n");
     assert_eq!(said.iter().filter(|d| d.code == "L008").count(), 1, "{said:?}");
 }
+
+#[test]
+fn what_needs_a_program_beside_the_grammar_is_refused_by_name() {
+    for (text, place, why) in [
+        ("Lsystem: 1\nderivation length: 1\nAxiom: A\nA -o> B\nendlsystem\n", "4:3", "'-o>'"),
+        // Also behind a condition, and of a predecessor of several modules.
+        ("Lsystem: 1\nderivation length: 1\nAxiom: A\nA ?E(x) : x > 0 -o> B\nendlsystem\n", "4:17", "'-o>'"),
+        ("Lsystem: 1\nDefine: { external a[3]; }\nderivation length: 1\nAxiom: A\nendlsystem\n", "2:11", "'external'"),
+    ] {
+        let said = try_read(text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L001]") && said.contains(why) && said.contains(place), "{text}: {said}");
+    }
+}
+
+#[test]
+fn models_in_the_style_of_the_manual_derive_to_what_they_say() {
+    // A macro of two values, arrays of one and two sizes, and a block behind the condition: total[1][0] is 10.
+    let arrays = "#define N 5\n#define MAX(a,b) ((a)>(b)?(a):(b))\nLsystem: 1\nDefine: {\n\tarray len[N] = {1.0, 0.8, 0.6, 0.4, 0.2};\n\t\
+                  array total[2][3];\n}\nStart: { i = 0; while (i < 2) { j = 0; while (j < 3) { total[i][j] = i*10+j; j = j+1; } i = i+1; } }\n\
+                  derivation length: N\naxiom: A(0)\nA(k) : k < N {\n\
+                  \tif (len[k] > 0.5) { w = MAX(len[k], 0.7); } else { w = total[1][k%3]; }\n} --> !(w)F(len[k])A(k+1)\nendlsystem\n";
+    assert_eq!(string(arrays), "!(1)F(1)!(0.8)F(0.8)!(0.7)F(0.6)!(10)F(0.4)!(11)F(0.2)A(5)");
+    // Contexts with brackets see what 'Consider:' leaves: B(0) has more than B(1) on its first branch; 10 + 2; 4 becomes -4.
+    let contexts = "#define STAGE(x) \\\n\t((x)>2)\nLsystem: 1\nConsider: B S X\nderivation length: 2\n\
+                    Axiom: S(1)FB(0)[+B(1)[X]B(2)][-B(3)]FB(4)X\n\
+                    S(s) < B(n) > [B(m)][B(k)]B(j) : STAGE(j) --> S(s+m+k+j)\nB(m) < B(n) > [X]B(k) : n==1 --> B(10+k)\n\
+                    B(a)B(b) --> B(a+b)\nB(n) > X : n==4 { q = n*1; } --> B(-q)\nX < F > X --> G\nendlsystem\n";
+    assert_eq!(string(contexts), "S(1)FB(0)[+B(12)[X]B(2)][-B(3)]FB(-4)X");
+    // n is 5, 6, 7, 8; m is 2, 12, 84. B(7) sees B(6), and X is decomposed in the same step.
+    let blocks = "Lsystem: 1\nStart: {n = 0; m = 2;\n  do { n = n + 1; } while (n < 5);\n}\nEndEach: {m = m*n;}\nderivation length: 3\naxiom: A\n\
+                  A : {k = m; if (k > 5) {k = 5;}} k < 6 {n = n + 1;} --> F(k)A B(n)\nB(x) > B(y) : x > y --> X(x,y)\n\
+                  decomposition: warnings\nmaximum depth: 3\nX(a,b) : 1 --> [Y(a)Y(b)]\nhomomorphism: no warnings\nY(a) : a > 0 --> !(a)F(1)\n\
+                  endlsystem\n";
+    assert_eq!(string(blocks), "F(2)F(5)F(5)AB(8)[Y(7)Y(6)]B(6)");
+    // Two L-systems of the file rewrite what stands between their borders; a ring sees across its ends.
+    let systems = "lsystem: 1\nderivation length: 3\naxiom: A\nA --> F[+?(2,0.5)A(1)$][-?(3)B$]A\nendlsystem\nlsystem: 2\nderivation length: 1\n\
+                   axiom: A\nA(n) : n < 4 --> F(n)A(n+1)\nendlsystem\nlsystem: 3\nderivation length: 7\naxiom: B\nB --> G[B]\nendlsystem\n";
+    assert_eq!(
+        string(systems),
+        "F[+?(2,0.5)F(1)F(2)A(3)$][-?(3)G[G[B]]$]F[+?(2,0.5)F(1)A(2)$][-?(3)G[B]$]F[+?(2,0.5)A(1)$][-?(3)B$]A"
+    );
+    let ring = "ring Lsystem: 1\nderivation length: 4\naxiom: ABCB\nA < B --> A\nB < A > C : 1 --> *\nC < B > A --> X(1)\nendlsystem\n";
+    assert_eq!(string(ring), "AACX(1)");
+    // Arrows beside their condition, an empty successor, comments behind a rule, notes behind the end.
+    let glued = "Lsystem: 1\nderivation length: 4\naxiom: A(8,2)B\nA(x,y):x>=y*2&&y!=0-->F(x)A(x/2,y)\nA(x,y):*-->\nB --> \n\
+                 F(x):x>1-->F(x/2)F(x-x/2)/* half */\nendlsystem\n\nNotes: A --> B\nfor details (and ask me).\n";
+    assert_eq!(string(glued), "F(1)".repeat(12));
+}

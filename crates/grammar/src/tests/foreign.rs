@@ -558,7 +558,6 @@ fn lists_of_lpy_may_change() {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
     }
     for (lines, why) in [
-        ("  m.append(1)\n  nproduce B\n", "the list 'm', which this block has not made"),
         ("  p = [1]\n  q = p\n  q.append(2)\n  nproduce B(len(p))\n", "the list 'q', which has two names"),
         ("  p = [1]\n  q = [p, 2]\n  p.append(2)\n  nproduce B(len(q[0]))\n", "the list 'p', which has two names"),
         (
@@ -1039,6 +1038,7 @@ fn objects_of_lpy_are_numbers_for_their_attributes() {
         ("Apex(p):\n  p.size = 1\n  produce Apex(p)\n", "an attribute 'size' that this value does not have"),
         ("Apex(p) --> Node(p.size)\n", "an attribute 'size' that this value does not have"),
         ("Apex(p) --> Node(1+p)\n", "an object where a number is expected"),
+        ("Apex(p) --> F(p)\n", "an object as a parameter of the command 'F'"),
         ("Apex(p) --> Node(State(1,2,3))\n", "this call of the class 'State'"),
         ("Apex(p) --> Apex(ParameterSet(a=1,b=2,c=3,d=4))\n", "with an object of 4 attributes as its parameters"),
     ] {
@@ -1046,10 +1046,10 @@ fn objects_of_lpy_are_numbers_for_their_attributes() {
         let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
         assert!(said.contains("L007") && said.contains(why), "{rules}: {said}");
     }
-    let other = "class S:\n  def __init__(self):\n    self.a = 1\n  def grow(self):\n    self.a += 1\nAxiom: A(S())\nproduction:\nA(s) --> A(s)\nendlsystem\n";
+    let other = "class S:\n  def __init__(self):\n    self.a = 1\n  def __add__(self, other):\n    self.a += 1\nAxiom: A(S())\nproduction:\nA(s) --> A(s)\nendlsystem\n";
     let said = try_read(other).err().map_or_else(String::new, |e| e.to_string());
     assert!(
-        said.contains("L007") && said.contains("the function 'S' (line 4: the function 'grow' of a class)"),
+        said.contains("L007") && said.contains("the function 'S' (line 4: the function '__add__' of a class)"),
         "{said}"
     );
 }
@@ -1359,8 +1359,7 @@ fn imports_of_lpy_may_fail() {
         "try:\n  from openalea.plantgl.all import *\n  from math import sqrt as root\nexcept ImportError:\n  pass\n";
     assert_eq!(lpy(&model(head)), "B(2)");
     let other = head.replace("  from openalea", "  n = 3\n  from openalea");
-    let said = try_read(&format!("{}endlsystem\n", model(&other))).err().map_or_else(String::new, |e| e.to_string());
-    assert!(said.contains("L007") && said.contains("'try' outside of a production"), "{said}");
+    assert_eq!(lpy(&model(&other)), "B(2)");
 }
 
 #[test]
@@ -1757,11 +1756,11 @@ fn indented_lines_of_lpy_go_on_with_modules_or_are_refused() {
 
 #[test]
 fn functions_of_lpy_that_cannot_be_read_are_refused_with_the_reason() {
-    let head = "n = 0\n\n\n\n\ndef safe(x):\n  try:\n    return x\n  except:\n    return 0\n\
+    let head = "n = 0\n\n\n\n\ndef safe(x):\n  with open(x):\n    return x\n\
                 def ends(x):\n  produce F(x)\n";
     for (call, why) in [
         ("ends(x)", "the function 'ends' (its 'produce' ends the production: write 'nproduce')"),
-        ("safe(x)", "the function 'safe' (line 7: 'try' in a production)"),
+        ("safe(x)", "the function 'safe' (line 7: 'with' in a production)"),
     ] {
         let text = format!("{head}Axiom: A(1)\nderivation length: 1\nproduction:\nA(x) --> B({call})\nendlsystem\n");
         let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
@@ -1800,4 +1799,172 @@ fn assignments_of_lpy_may_stand_side_by_side() {
     // Semicolons within texts and what is no name stay as they are.
     assert_eq!(model("about = \"a; b\"\nmore = 'it\\'s; so'\ne = f = 3 # x; y"), ";(2)B(3,3,2,3)");
     assert!(try_read("a.b += 1\nAxiom: A\nproduction:\nA --> B\nendlsystem\n").is_err());
+}
+
+/// The message of the refusal of a model of L-Py; empty for one that is read.
+fn lpy_refusal(text: &str) -> String {
+    try_read(&format!("{text}\nendlsystem\n")).err().map_or_else(String::new, |e| e.to_string())
+}
+
+#[test]
+fn targets_of_lpy_may_be_nested() {
+    let model = "(p, (r, s)), t = (1, (2, 3)), 4\nq = [(5, (6, 7)), (8, (9, 10))]\nAxiom: A\nderivation length: 1\nproduction:\nA:\n  \
+                 (a, b), c = (p, s), t\n  (a, (b, d)) = q[1]\n  for i, (k, (m, n)) in enumerate(q):\n    nproduce C(i,k,m,n)\n  \
+                 produce B(a,b,c,d) D(sum([x*z for x, (y, z) in q])) E(sum([i*x for i, (x, y) in enumerate(q)]))\n";
+    assert_eq!(lpy(model), "C(0,5,6,7)C(1,8,9,10)B(8,9,4,10)D(115)E(8)");
+    // Python swaps: all values are taken before the first name is set.
+    let swapped =
+        "Axiom: A(1,2,3)\nderivation length: 1\nproduction:\nA(a,b,c):\n  (a, b), c = (c, a), b\n  produce B(a,b,c)\n";
+    assert_eq!(lpy(swapped), "B(3,1,2)");
+    let said = lpy_refusal(&swapped.replace("(c, a), b", "(c, a, b), b"));
+    assert!(said.contains("L007") && said.contains("line 5"), "{said}");
+}
+
+#[test]
+fn errors_of_lpy_that_a_try_catches_are_tested() {
+    // 6/3 = 2 and 102; 6/0; 6/2 = 3 and 103; no fourth item.
+    let functions = "q = [3, 0, 2]\nd = {'a': 1, 'b': 2}\ndef f(i):\n  try:\n    x = q[i]\n    y = 6/x\n  except IndexError:\n    return -5\n  \
+                     except ZeroDivisionError:\n    return -6\n  else:\n    y += 100\n  return y\ndef g(key):\n  try:\n    return d[key]\n  \
+                     except KeyError:\n    return 0\n";
+    let model = |block: &str| format!("{functions}Axiom: A(0.5)\nderivation length: 1\nproduction:\nA(n):\n{block}");
+    let calls = "  for i in range(4):\n    nproduce B(f(i))\n  produce C(g('b'),g('z'))\n";
+    assert_eq!(lpy(&model(calls)), "B(102)B(-6)B(103)B(-5)C(2,0)");
+    // In a production; the rest of the block does not run where something fails before it.
+    let block = "  x = 1\n  try:\n    if n < 1:\n      x = sqrt(n - 1)\n    x = 5\n  except ValueError as err:\n    x += 10\n  finally:\n    x += 100\n  \
+                 produce D(x)\n";
+    assert_eq!(lpy(&model(block)), "D(111)");
+    assert_eq!(lpy(&model(&block.replace("n < 1", "n > 1"))), "D(105)");
+    // A part that is not computed does not fail, and neither does what no `except` is for.
+    let parts = "  try:\n    x = n if n > 0 else 1/(n - 0.5)\n    y = n > 1 and 1/(n - 0.5)\n  except ZeroDivisionError:\n    x = 7\n  produce D(x)\n";
+    assert_eq!(lpy(&model(parts)), "D(0.5)");
+    // Outside of productions, with values that are known.
+    let outside = "q = [1, 2]\ntry:\n  k = q[5]\nexcept (IndexError, KeyError):\n  k = -1\nAxiom: B(k)\nproduction:\n";
+    assert_eq!(lpy(outside), "B(-1)");
+    let many = "    if n > 0:\n      x = 1/n\n".repeat(30);
+    let many = format!("  try:\n{many}  except:\n    x = 0\n  produce D(x)\n");
+    for (block, why) in [
+        ("  try:\n    x = undefined\n  except NameError:\n    x = 0\n  produce D(x)\n", "'except NameError'"),
+        (
+            "  try:\n    for i in range(9):\n      x = 1/(i-n)\n  except:\n    x = 0\n  produce D(x)\n",
+            "a loop in 'try'",
+        ),
+        ("  try:\n    x = 1/random()\n  except:\n    x = 0\n  produce D(x)\n", "a random number"),
+        (many.as_str(), "a 'try' of too many statements that may fail"),
+        ("  try:\n    x = 1\n  produce D(x)\n", "'try' without 'except'"),
+        (
+            "  try:\n    x = 1/n\n    return\n  except:\n    x = 0\n  finally:\n    x = 2\n  produce D(x)\n",
+            "'finally' behind",
+        ),
+    ] {
+        let said = lpy_refusal(&model(block));
+        assert!(said.contains("L007") && said.contains(why), "{block}: {said}");
+    }
+}
+
+#[test]
+fn steps_of_lpy_may_have_different_directions() {
+    // From the end C passes through the A before it in one step; then each A behind a B becomes one, from the beginning.
+    let model = "def StartEach():\n  if getIterationNb() % 2 == 0: backward()\n  else:\n    forward()\nAxiom: AAACAA\nderivation length: 2\n\
+                 production:\nA >> C --> C\nB << A --> B\nC:\n  if isForward(): produce B\n";
+    assert_eq!(lpy(model), "BBBBBB");
+    assert_eq!(lpy(&model.replace("length: 2", "length: 1")), "CCCCAA");
+    // The direction is kept until it is set again.
+    let kept = "n = 0\ndef Start(): backward()\ndef EndEach():\n  global n\n  n += 1\n  if n == 2: forward()\n\
+                Axiom: AC\nderivation length: 3\nproduction:\nA >> C --> AC\nC << B --> D\nC --> C B\n";
+    // ACB, ACBCB... A sees the C that is made behind it twice, then no more.
+    assert_eq!(lpy(&kept.replace("length: 3", "length: 1")), "ACCB");
+    let said = lpy_refusal("Axiom: A\nproduction:\nA:\n  if isForward(): backward()\n  produce B\n");
+    assert!(said.contains("L007") && said.contains("'backward()' or 'forward()' in a production"), "{said}");
+}
+
+#[test]
+fn productions_of_lpy_may_change_lists_of_the_model() {
+    // Step 1: lengths 11, 2, 103; 11, 12, 203; 11, 12, 313. The first way of a bud takes its stores back where its test fails.
+    let model = "lengths = [1, 2, 3]\nseen = []\ndef total():\n  s = 0\n  for x in lengths:\n    s += x\n  return s\nmodule Bud(k)\n\
+                 Axiom: Bud(0) Bud(1) Bud(2)\nderivation length: 2\nproduction:\nBud(k):\n  lengths[k] += 10\n  lengths[-1] = lengths[-1] + 100\n  \
+                 seen.append(k)\n  if k == 1:\n    produce F(total()) Bud(k)\n  if len(seen) > 3 and k in seen:\n    x = seen.pop()\n    \
+                 produce G(x,len(seen),sum(lengths),max(lengths)-min(lengths))\n  produce H Bud(k)\n";
+    assert_eq!(lpy(model), "HG(0,3,446,401)F(226)F(556)Bud(1)HG(2,4,666,602)");
+    // A queue, whose first item is taken out, and functions that L-Py runs.
+    let queue = "queue = [5]\ngrid = [0]*4\ndef Start():\n  global queue\n  queue = [1, 2, 3, 4]\n  for i in range(len(grid)):\n    grid[i] = i*i\n\
+                 def EndEach():\n  for i in range(4):\n    grid[i] += 1\n  queue.append(grid[2])\n\
+                 Axiom: A A\nderivation length: 3\nproduction:\nA:\n  x = queue.pop(0)\n  produce F(x,len(queue),grid[3]) A\n";
+    assert_eq!(lpy(queue), "F(1,3,9)F(3,2,10)F(5,1,11)AF(2,2,9)F(4,1,10)F(6,0,11)A");
+    // A dictionary with new keys, and its keys and values in a loop.
+    let ages = "ages = {}\nkinds = {'a': 1}\ndef Start():\n  global ages\n  ages = {}\n  ages[100] = 5\ndef age(id):\n  return ages.get(id, 0)\n\
+                Axiom: A(1) A(2)\nderivation length: 2\nproduction:\nA(i):\n  ages[i] = age(i) + i\n  kinds['b'] = len(ages)\n  t = 0\n  \
+                for k in ages:\n    t += k\n  for k, v in ages.items():\n    t += 1000*v\n  if i in ages and 7 not in ages and 'b' in kinds:\n    \
+                produce F(ages[i],len(ages),kinds['b'],t) A(i)\n";
+    assert_eq!(lpy(ages), "F(1,2,2,6101)F(2,3,3,9103)A(1)F(2,3,3,8103)F(4,3,3,11103)A(2)");
+    // What arrays of numbers cannot hold, and changes that they do not have.
+    for (block, why) in [
+        ("  q.append((i, 2))\n  produce A(i)\n", "a list as an item of the list 'q'"),
+        ("  q[0] = d\n  produce A(i)\n", "a dictionary '{..}' where a number is expected"),
+        ("  q[0][i] = 2\n  produce A(i)\n", "a change of an item within a list of lists"),
+        ("  q[0] = i\n  produce A(i)\np = q\n", "which has two names"),
+        ("  q.insert(0, i)\n  produce A(i)\n", "'insert' of the list 'q'"),
+        ("  q[0] = i\n  produce A(q)\n", "the list 'q', which productions change, as a whole"),
+        ("  q[0] = i\n  produce A(q[random()])\n", "a random number as an index"),
+        ("  for k in range(int(i)): q[k] = 1\n  if i > 0: produce A(1)\n", "a test behind a loop that changes a list"),
+    ] {
+        let said = lpy_refusal(&format!(
+            "q = [1, 2]\nd = {{'a': 1}}\nAxiom: A(0)\nderivation length: 1\nproduction:\nA(i):\n{block}"
+        ));
+        assert!(said.contains("L007") && said.contains(why), "{block}: {said}");
+    }
+    // An index outside of the list is reported, and nothing is set.
+    let outside = "q = [1, 2]\nAxiom: A(0)\nderivation length: 3\nproduction:\nA(i):\n  q[i] = 5\n  produce A(i+1) F(q[i])\nendlsystem\n";
+    let (g, _) = read(outside);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "A(3)F(0)F(5)F(5)");
+    assert!(d.warnings.iter().any(|w| w.code == "L026" && w.message.contains("'q'")), "{:?}", d.warnings);
+}
+
+#[test]
+fn productions_of_lpy_may_change_lists_of_lists_and_of_points() {
+    // grid[i][j] is i*j. Steps 1 and 2 make 1 and 2 of grid[i][1]; then 3 and 4.
+    let model = "grid = [[0]*5 for i in range(4)]\npoints = []\npairs = [(1, 2)]\ndef mark(i, j):\n  grid[i][j] += 1\n  return i\n\
+                 def addpoint(p):\n  points.append(p)\ndef height():\n  m = 0\n  for p in points:\n    m = max(m, p.z)\n  return m\n\
+                 def Start():\n  for i in range(4):\n    for j in range(5):\n      grid[i][j] = i*j\n\
+                 Axiom: A(0,0)\nderivation length: 4\nproduction:\nA(i,j):\n  mark(i,j+1)\n  points.append(Vector3(i,j,10*i))\n  \
+                 addpoint((i,i,i))\n  pairs[0] = (i, 7)\n  pairs.append((i, grid[i][j+1]))\n  a, b = pairs[-1]\n  \
+                 if grid[i][j+1] > 2 and i < 4:\n    \
+                 produce F(a,b,height(),points[-2].z,len(points),pairs[0][1],grid[1][4],grid[-1][j]) A(i+1,j)\n  \
+                 produce G(grid[i][j+1]) A(i+1,j)\n";
+    assert_eq!(lpy(model), "G(1)G(2)F(2,3,20,20,6,7,4,0)F(3,4,30,30,8,7,4,0)A(4,0)");
+}
+
+#[test]
+fn classes_of_lpy_may_have_methods() {
+    // 4 * 0.5 * 2 = 4, which makes the bud dormant; then 5.
+    let model = "light = 0.5\nclass Bud:\n  def __init__(self, vigor, dormant=False):\n    self.vigor = vigor\n    self.dormant = dormant\n  \
+                 def grow(self, k=2):\n    return self.vigor*light*k\n  def set(self, v):\n    if v > 3:\n      self.dormant = True\n    self.vigor = v\n  \
+                 def step(self):\n    self.set(self.vigor + 1)\n    return self.vigor\nmodule B, N\nAxiom: B(Bud(4.0)) N(Bud(1).grow(8))\n\
+                 derivation length: 2\nproduction:\nB(b):\n  if b.dormant: produce B(b)\n  v = b.grow()\n  b.set(v)\n  w = b.step()\n  \
+                 produce F(v,w)[+B(Bud(v*0.5, True))]B(b)\n";
+    assert_eq!(lpy(model), "F(4,5)[+B(2,1)]B(5,1)N(4)");
+    // An object with two holders, a method that two classes have, and one that none has.
+    let said = lpy_refusal(&model.replace("]B(b)\n", "]B(b)B(b)\n"));
+    assert!(said.contains("L007") && said.contains("the object 'b' in two places"), "{said}");
+    let said = lpy_refusal(&model.replace("b.grow()", "b.shrink()"));
+    assert!(said.contains("L007") && said.contains("the method 'shrink'"), "{said}");
+    let second = "class Leaf:\n  def __init__(self):\n    self.vigor = 1\n  def grow(self):\n    return 2\nlight = 0.5";
+    let said = lpy_refusal(&model.replacen("light = 0.5", second, 1));
+    assert!(said.contains("L007") && said.contains("two classes have a method of this name"), "{said}");
+}
+
+#[test]
+fn functions_of_lpy_may_change_the_lists_that_they_are_given() {
+    // fill: 7, 3, 2, 1. walk: 1, 4, 9, each behind those of the call within it.
+    let model = "def fill(q, n):\n  q.append(n)\n  if n > 1:\n    fill(q, n-1)\ndef walk(n, out=None):\n  if out is None: out = []\n  \
+                 if n > 0:\n    walk(n-1, out)\n    out.append(n*n)\n  return out\nsizes = walk(2)\nAxiom: A(1)\nderivation length: 1\n\
+                 production:\nA(x):\n  p = [7]\n  fill(p, 3)\n  r = walk(3)\n  produce B(len(p),p[1],p[3]) C(*r) D(sizes[1])\n";
+    assert_eq!(lpy(model), "B(4,3,1)C(1,4,9)D(4)");
+}
+
+#[test]
+fn lists_that_lpy_begins_with_in_start_are_those_of_the_model() {
+    let model = "def Start():\n  global nodes, last\n  nodes = []\n  last = {}\nmodule N\nAxiom: N(1)\nderivation length: 3\nproduction:\n\
+                 N(x):\n  nodes.append(x)\n  last['size'] = len(nodes)\n  produce F(last['size'],nodes[0]) N(x+1)\n";
+    assert_eq!(lpy(model), "F(1,1)F(2,1)F(3,1)N(4)");
 }

@@ -1,25 +1,30 @@
 //! Reads assignments, and changes of lists, which are represented as assignments of the changed list.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
 use super::expression::{
-    ATTRIBUTE, ListChange, NOTHING, OPERATORS, PyExpr, PyOp, SLICE, is_joined_text, joined_text_refusal, mentions,
+    ATTRIBUTE, ListChange, METHOD, NOTHING, OPERATORS, PyExpr, PyOp, SLICE, first_call, is_joined_text,
+    joined_text_refusal, mentions,
 };
 use super::lines::Line;
 use super::objects::{AttributeTarget, attribute_target};
 use super::parser::parse;
-use super::pieces::{assignment, bracketed, is_name, method_call, split};
+use super::pieces::{assignment, bracketed, inside, is_name, method_call, split};
 use super::refusal::Refusal;
-use super::statement::{GROUP, Statement};
+use super::scope::Scope;
+use super::statement::{DIRECTION, GROUP, Statement};
 use crate::dialect::text::Piece;
 
 /// A change of an item, `name[index] = value`, or with an operator, `name[index] += value`.
 struct ItemChange<'t> {
     name: Piece<'t>,
     index: Piece<'t>,
-    /// True if more brackets follow, as in `name[index][1] = value`.
+    /// The second index of `name[index][1] = value`.
+    column: Option<Piece<'t>>,
+    /// More than two.
     is_nested: bool,
     op: Option<PyOp>,
     value: Piece<'t>,
@@ -33,6 +38,11 @@ impl<'t> ItemChange<'t> {
             return None;
         }
         let (index, mut rest) = bracketed(piece.from(open))?;
+        let mut column = None;
+        if rest.text.starts_with('[') {
+            let (second, after) = bracketed(rest)?;
+            (column, rest) = (Some(second), after);
+        }
         let is_nested = rest.text.starts_with('[');
         while rest.text.starts_with('[') {
             rest = bracketed(rest)?.1;
@@ -41,11 +51,17 @@ impl<'t> ItemChange<'t> {
         let is_set = rest.text.starts_with('=') && !rest.text.starts_with("==");
         let length = op.map_or(1, |(sign, _)| sign.len());
         let value = rest.from(length).trimmed();
-        (op.is_some() || is_set).then_some(Self { name, index, is_nested, op: op.map(|(_, op)| op), value })
+        (op.is_some() || is_set).then_some(Self { name, index, column, is_nested, op: op.map(|(_, op)| op), value })
     }
 }
 
-/// The assignments, as names and values, that represent a line which changes a list; `None` for other lines.
+/// The refusal of a change of an item within a list of lists.
+pub(super) fn nested_change(range: Range<usize>) -> Refusal {
+    let why = Refusal::new("a change of an item within a list of lists", range);
+    why.remedy("change the inner list under a name of its own, then set the whole item: q[0] = p")
+}
+
+/// The assignments, of names and values, that a line makes which changes a list; `None` for any other line.
 pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>>, Refusal> {
     let named = |name: Piece<'_>| PyExpr::Name(name.text.to_owned(), name.range());
     let changed = |name: Piece<'_>, change: ListChange, args: Vec<PyExpr>| {
@@ -88,11 +104,18 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
     }
     let Some(item) = ItemChange::new(piece) else { return Ok(None) };
     if item.is_nested {
-        let why = Refusal::new("a change of an item within a list of lists", piece.range());
-        return Err(why.remedy("change the inner list under a name of its own, then set the whole item: q[0] = p"));
+        return Err(nested_change(piece.range()));
     }
-    let (index, value) = (parse(item.index)?, parse(item.value)?);
-    let old = || Box::new(PyExpr::Index(Box::new(named(item.name)), Box::new(index.clone()), piece.range()));
+    let (mut index, value) = (parse(item.index)?, parse(item.value)?);
+    let at = |list: PyExpr, index: &PyExpr| PyExpr::Index(Box::new(list), Box::new(index.clone()), piece.range());
+    let mut read = at(named(item.name), &index);
+    // Both indices of an item of a list of lists.
+    if let Some(column) = item.column {
+        let column = parse(column)?;
+        read = at(read, &column);
+        index = PyExpr::List(vec![index, column], piece.range());
+    }
+    let old = || Box::new(read.clone());
     let value = item.op.map_or_else(|| value.clone(), |op| PyExpr::Binary(op, old(), Box::new(value.clone())));
     Ok(Some(vec![changed(item.name, ListChange::Set, vec![index, value])]))
 }
@@ -111,6 +134,14 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     if let Some(number) = piece.text.strip_prefix("useGroup(").and_then(|n| n.strip_suffix(')')) {
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
+    }
+    if let Some(is_backward) = match piece.text.replace(' ', "").as_str() {
+        "backward()" => Some(true),
+        "forward()" => Some(false),
+        _ => None,
+    } {
+        let value = PyExpr::Number(if is_backward { 1.0 } else { 0.0 });
+        return Ok(vec![Statement::Assign(DIRECTION.to_owned(), value)]);
     }
     if piece.text.replace(' ', "") == "Stop()" {
         return Ok(vec![Statement::Stop(piece.range())]);
@@ -147,66 +178,105 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         return Ok(out);
     }
     let values = split(value);
-    if let Some(at) = names.iter().position(|name| name.text.starts_with('*')) {
-        return starred(&names, at, value, piece.range());
-    }
-    let values = match values.as_slice() {
-        several if several.len() == names.len() => several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?,
-        // In `x, y = list` each name gets an item.
-        [list] => match parse(*list)? {
-            PyExpr::List(items, _) if items.len() == names.len() => items,
-            PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::List(..) => return Err(refused()),
-            list => (0..names.len()).map(|k| item_of(&list, saturating_index(k), piece.range())).collect(),
-        },
+    let values = match (names.iter().position(|name| name.text.starts_with('*')), values.as_slice()) {
+        (Some(at), _) => starred(names.len(), at, value, piece.range())?,
+        (None, several) if several.len() == names.len() => {
+            several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?
+        }
+        // `x, y = list`: one name for each item.
+        (None, [list]) => items_for(names.len(), parse(*list)?, piece.range()).ok_or_else(refused)?,
         _ => return Err(refused()),
     };
+    let (names, values) = without_nesting(names, values, piece.range()).ok_or_else(refused)?;
     let mut out = Vec::with_capacity(values.len());
-    // Python evaluates all values first. If one reads a name that is set earlier in the same assignment, all values are
-    // stored in temporary variables first, whose names no model can contain.
-    let reads_earlier =
-        |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name: &Piece<'_>| mentions(value, name.text));
+    // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
+    let plain = |name: &Piece<'_>| name.text.trim_start_matches('*').trim().to_owned();
+    let reads_earlier = |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name| mentions(value, &plain(name)));
     if values.iter().enumerate().any(reads_earlier) {
         let waiting = |k: usize| format!("(value {k} of {})", piece.at);
         out.extend(values.into_iter().enumerate().map(|(k, value)| Statement::Assign(waiting(k), value)));
         out.extend(names.iter().enumerate().map(|(k, name)| {
             let value = PyExpr::Name(waiting(k), name.range());
-            Statement::Assign(name.text.to_owned(), value)
+            Statement::Assign(plain(name), value)
         }));
     } else {
-        out.extend(names.iter().zip(values).map(|(name, value)| Statement::Assign(name.text.to_owned(), value)));
+        out.extend(names.iter().zip(values).map(|(name, value)| Statement::Assign(plain(name), value)));
     }
     Ok(out)
 }
 
-/// Reads `first, *rest = q`: the name after the star gets the items that the other names leave.
-fn starred(names: &[Piece<'_>], at: usize, value: Piece<'_>, place: Range<usize>) -> Result<Vec<Statement>, Refusal> {
+/// The values of this number of targets from one list; `None` for a value that has other items.
+fn items_for(count: usize, list: PyExpr, place: Range<usize>) -> Option<Vec<PyExpr>> {
+    match list {
+        PyExpr::List(items, _) => Some(items).filter(|items| items.len() == count),
+        PyExpr::Number(_) | PyExpr::Text(..) => None,
+        list => Some((0..count).map(|k| item_of(&list, saturating_index(k), place.clone())).collect()),
+    }
+}
+
+/// Targets that are names alone, with their values: `(a, b), c = p, 1` sets `a` to the first item of p. `None` where a list has other
+/// items than its targets.
+fn without_nesting(
+    names: Vec<Piece<'_>>,
+    values: Vec<PyExpr>,
+    place: Range<usize>,
+) -> Option<(Vec<Piece<'_>>, Vec<PyExpr>)> {
+    let mut out = (Vec::with_capacity(names.len()), Vec::with_capacity(names.len()));
+    // The next target is the last one.
+    let mut open: Vec<(Piece<'_>, PyExpr)> = names.into_iter().zip(values).rev().collect();
+    while let Some((target, value)) = open.pop() {
+        let parts = inside(target).map(split);
+        match parts.as_deref() {
+            None => {
+                out.0.push(target);
+                out.1.push(value);
+            }
+            // Parentheses around one name mean nothing.
+            Some([only]) => open.push((*only, value)),
+            Some(parts) => {
+                let items = items_for(parts.len(), value, place.clone())?;
+                open.extend(parts.iter().copied().zip(items).rev());
+            }
+        }
+    }
+    Some(out)
+}
+
+/// The values of `count` targets, of which the one at `at` has a star, `first, *rest = q`: it takes the items that the others leave.
+fn starred(count: usize, at: usize, value: Piece<'_>, place: Range<usize>) -> Result<Vec<PyExpr>, Refusal> {
     let list = parse(value)?;
-    let after = names.len() - at - 1;
+    let after = count - at - 1;
     let number = |k: usize| PyExpr::Number(f64::from(saturating_index(k)));
     let none = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
     let indexed = |index: PyExpr| PyExpr::Index(Box::new(list.clone()), Box::new(index), place.clone());
     let value = |k: usize| match k.cmp(&at) {
         std::cmp::Ordering::Less => indexed(number(k)),
-        // Names after the star count from the end of the list.
-        std::cmp::Ordering::Greater => indexed(PyExpr::Neg(Box::new(number(names.len() - k)))),
+        // Counted from the end.
+        std::cmp::Ordering::Greater => indexed(PyExpr::Neg(Box::new(number(count - k)))),
         std::cmp::Ordering::Equal => {
             let end = if after == 0 { none() } else { PyExpr::Neg(Box::new(number(after))) };
             indexed(PyExpr::Call(SLICE.to_owned(), vec![number(at), end], place.clone()))
         }
     };
-    let assign = |(k, name): (usize, &Piece<'_>)| {
-        Statement::Assign(name.text.trim_start_matches('*').trim().to_owned(), value(k))
-    };
-    Ok(names.iter().enumerate().map(assign).collect())
+    Ok((0..count).map(value).collect())
 }
 
-/// The name that a line of a function sets to an unreadable value, with the reason: only uses of the name are refused.
-pub(super) fn unreadable_assignment<'t>(line: &Line<'t>) -> Option<(&'t str, Refusal)> {
+/// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
+/// `scope` knows the functions of the model, `defined` their names.
+pub(super) fn unreadable_assignment<'t>(
+    line: &Line<'t>,
+    scope: &Scope,
+    defined: &BTreeSet<String>,
+) -> Option<(&'t str, Refusal)> {
     let (names, value) = assignment(line.piece)?;
+    let is_unknown = |name: &str| name.starts_with(METHOD) && !defined.contains(name);
     let why = match parse(value) {
         Err(why) => why,
         Ok(e) if is_joined_text(&e) => joined_text_refusal(value.range()),
-        Ok(_) => return None,
+        Ok(e) => match first_call(&e, &is_unknown)? {
+            PyExpr::Call(name, _, range) => scope.refused_call(name, range.clone()),
+            _ => return None,
+        },
     };
     (split(names).len() == 1).then_some((names.text, why))
 }

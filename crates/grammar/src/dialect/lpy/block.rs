@@ -6,17 +6,18 @@ use osier_base::convert::saturating_index;
 
 use super::Model;
 use super::assignment::{assign_statement, item_of};
+use super::changed_lists::is_changing_name;
 use super::dictionary::keys_of;
 use super::emit::tested;
-use super::expression::{PyExpr, PyOp, is_dictionary, is_written_out, substitute};
+use super::expression::{METHOD, PyExpr, PyOp, is_dictionary, is_written_out, substitute};
 use super::functions::own_lambda;
 use super::lines::{Line, block_after};
 use super::parser::parse;
-use super::pieces::{block_colon, closing, heads_block, is_name, split, statements_of_line};
+use super::pieces::{block_colon, closing, heads_block, inside, is_name, split, statements_of_line};
 use super::refusal::{Refusal, indented_refusal, remedy_of};
 use super::resolve::resolve;
 use super::scope::{Scope, with_functions};
-use super::statement::{MAX_NESTING, Statement, assigned, noting_breaks, replaced};
+use super::statement::{MAX_NESTING, Statement, assigned, noting_breaks, replaced, stores};
 use super::strings::{PyModule, listed_modules, modules};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
@@ -33,8 +34,7 @@ fn string_text(piece: Piece<'_>) -> Option<Piece<'_>> {
 
 /// The names in `x, y` or `(x, y)`.
 fn parts_of(targets: Piece<'_>) -> Vec<Piece<'_>> {
-    let inner = targets.text.strip_prefix('(').filter(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
-    split(inner.map_or(targets, |t| Piece::new(targets.at + 1, &t[..t.len() - 1])))
+    split(inside(targets).unwrap_or(targets))
 }
 
 /// The item `list[index]`; for `zip(list, other)` the pair of both items.
@@ -66,6 +66,7 @@ impl Model<'_, '_> {
         let list = self.block(block, 0);
         let own = std::mem::replace(&mut self.own_functions, around);
         let list = list?;
+        let list = self.with_stores(list)?;
         if own.is_empty() {
             return Ok(list);
         }
@@ -73,7 +74,7 @@ impl Model<'_, '_> {
     }
 
     /// Reads the lines of a block, with the blocks nested in it. Fails if blocks are nested too deep.
-    fn block(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
+    pub(super) fn block(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
         let mut out = Vec::new();
         let mut i = 0;
         if let Some(first) = block.first().filter(|_| nesting > MAX_NESTING) {
@@ -100,6 +101,7 @@ impl Model<'_, '_> {
                     model.block(&[Line { indent: 0, piece: after }], nesting + 1)
                 }
             };
+            let start = i;
             i = next;
             let is_produce = matches!(word.text, "produce" | "nproduce");
             if let Some(inner) = inner.first().filter(|_| !is_produce && !heads_block(word.text)) {
@@ -193,7 +195,17 @@ impl Model<'_, '_> {
                     out.push(Statement::Produce(modules, word.text == "sproduce"));
                 }
                 "del" if rest.text.contains('[') => out.extend(assign_statement(piece)?),
-                "try" | "with" | "class" | "raise" | "del" | "lambda" => {
+                "try" => {
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'try' without ':'", piece.range()))?;
+                    let own = body(self, rest.from(c + 1))?;
+                    let (statements, end) = self.attempt(block, start, own, nesting)?;
+                    out.extend(statements);
+                    i = end;
+                }
+                "except" | "finally" => {
+                    return Err(Refusal::new(format!("'{}' without 'try'", word.text), piece.range()));
+                }
+                "with" | "class" | "raise" | "del" | "lambda" => {
                     let why = Refusal::new(format!("'{}' in a production", word.text), piece.range());
                     return Err(Refusal { remedy: remedy_of(word.text), ..why });
                 }
@@ -227,7 +239,9 @@ impl Model<'_, '_> {
     /// The call of a function of the model, if that is the whole line; else `None`.
     fn run_of(&self, word: Piece<'_>, rest: Piece<'_>, piece: Piece<'_>) -> Result<Option<PyExpr>, Refusal> {
         let is_call = rest.text.strip_prefix('(').is_some_and(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
-        if !is_call || !self.defined.contains(word.text) {
+        // `p.grow(2)`
+        let method = word.text.split_once('.').map(|(_, method)| format!("{METHOD}{method}"));
+        if !is_call || !self.defined.contains(method.as_deref().unwrap_or(word.text)) {
             return Ok(None);
         }
         parse(piece).map(Some)
@@ -276,6 +290,7 @@ impl Model<'_, '_> {
         // A loop over a dictionary is a loop over its keys.
         let list = match resolve(&list, &self.scope, 0) {
             Ok(e) if is_dictionary(&e) => keys_of(list),
+            Err(_) if self.is_changing_dictionary(&list) => keys_of(list),
             _ => list,
         };
         // Variable for the number of the iteration, with a name that no model can contain.
@@ -289,6 +304,7 @@ impl Model<'_, '_> {
         if number.is_none()
             && parts_of(target).len() == 1
             && !is_list(&item_at(&list, &index, &head.range()), &self.scope)
+            && !is_changing_name(&list, &self.scope)
         {
             return Ok(Statement::For(target.text.to_owned(), list, body, place));
         }
@@ -316,8 +332,8 @@ impl Model<'_, '_> {
                 continue;
             }
             let name = parts.first().filter(|p| is_name(p.text)).ok_or_else(refused)?.text.to_owned();
-            if is_list(&value, &self.scope) {
-                // A variable cannot hold a list: replace the name by the list wherever it is read.
+            if is_list(&value, &self.scope) || (is_changing_name(&list, &self.scope) && !stores(&body)) {
+                // A list is no value of a variable: it stands where the name is read.
                 let (mut names, mut globals) = (Vec::new(), Vec::new());
                 assigned(&body, &mut names, &mut globals);
                 if names.contains(&name) {

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::changed_lists::array_of;
 use super::expression::{
     APPLY, DICTIONARY, MAX_OPS, NONE, OBJECT, PyExpr, PyOp, is_joined_text, joined_text_refusal, plain_name, range_of,
 };
@@ -57,7 +58,7 @@ pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), R
                 ops.push(Op::Local(slot));
             } else if let Some(value) = scope.constants.get(of_model) {
                 ops.push(Op::Const(*value));
-            } else if let Some(slot) = Scope::slot(&scope.globals, of_model) {
+            } else if let Some(slot) = scope.global_slot(of_model) {
                 ops.push(Op::Global(slot));
             } else {
                 return Err(Refusal::new(format!("the unknown name '{of_model}'"), range.clone()));
@@ -413,6 +414,12 @@ fn emit_call(
         // Values that are not numbers, functions compiled to code, and unknown functions.
         _ if is_joined_text(&PyExpr::Call(name.to_owned(), args.to_vec(), range.clone())) => {
             return Err(joined_text_refusal(range.clone()));
+        }
+        _ if array_of(name, scope).is_some() => {
+            for arg in args {
+                emit(arg, scope, ops)?;
+            }
+            ops.extend(array_of(name, scope).map(Op::LoadElement));
         }
         _ if name == OBJECT => {
             let why = Refusal::new("an object where a number is expected", range.clone());

@@ -150,7 +150,10 @@ pub(super) const OBJECT: &str = "(object)";
 /// Prefix in the name of the call that represents an attribute: `p.age` is `(.)age` of p.
 pub(super) const ATTRIBUTE: &str = "(.)";
 
-/// Name of the call that represents `{key: value}`, with keys and values as alternating arguments; no function can have it.
+/// Prefix of the name of the call of a method of a class of the model, `p.grow(2)` as `(method) grow` of p and 2.
+pub(super) const METHOD: &str = "(method) ";
+
+/// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
 pub(super) const DICTIONARY: &str = "{..}";
 
 /// Names of the calls that represent `from:to:step` in the brackets of an index, and an omitted part of it.

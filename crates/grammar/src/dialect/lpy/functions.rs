@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Model;
+use super::changed_lists::reads_changing;
 use super::expression::{PyExpr, first_call, is_change, is_written_out, of_model, size_with, substitute};
 use super::lines::{Line, block_after};
 use super::parser::{Lambda, lambda, parse};
@@ -96,6 +97,9 @@ impl FunctionValue<'_> {
                 }
                 Statement::For(name, list, body, _) => {
                     let list = self.value(&list, &names, &values)?;
+                    if reads_changing(&list, self.scope) {
+                        return Err(Refusal::new("a loop over a list that changes", self.place.clone()));
+                    }
                     let PyExpr::List(items, _) = resolve(&list, self.scope, 0)? else {
                         return Err(Refusal::new("'for' over something other than a list", self.place.clone()));
                     };
@@ -125,7 +129,11 @@ impl FunctionValue<'_> {
                     return Err(Refusal::new("'break' or 'continue' in a function with a value", place));
                 }
                 Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
-                Statement::Stop(_) | Statement::Global(_) | Statement::Produce(..) | Statement::Run(_) => {
+                Statement::Stop(_)
+                | Statement::Global(_)
+                | Statement::Produce(..)
+                | Statement::Run(_)
+                | Statement::Store(_) => {
                     return Err(Refusal::new("a function that changes the model", self.place.clone()));
                 }
             }
@@ -158,7 +166,12 @@ impl Model<'_, '_> {
     /// functions that L-Py calls itself become blocks.
     pub(super) fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
-        // The body of the function is on the line of its heading or in the block.
+        self.function_named(name, rest, block, range);
+    }
+
+    /// As [`Self::function`], under another name than that of the text.
+    pub(super) fn function_named(&mut self, name: String, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
+        // A function that rules call: its body stands after the colon or in the block.
         let Some(FunctionHead { params, body }) = function_head(rest) else { return };
         let defaults: Vec<Option<PyExpr>> =
             params.iter().map(|(_, value)| value.and_then(|value| self.default_value(value))).collect();
@@ -228,7 +241,7 @@ impl Model<'_, '_> {
             // Default values keep their values at the definition of the function.
             let defaults = self.scope.defaults.get(&name).cloned().unwrap_or_default();
             self.scope.functions.remove(&name);
-            self.function(rest, block, &line.piece.range());
+            self.function_named(name.clone(), rest, block, &line.piece.range());
             self.scope.defaults.insert(name, defaults);
         }
     }

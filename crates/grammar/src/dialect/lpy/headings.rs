@@ -175,6 +175,7 @@ impl Model<'_, '_> {
         for body in blocks {
             self.hide_unreadable(list.get(body).unwrap_or(&[]));
         }
+        self.begin_changed_lists();
         self.read_callers_again(list);
         if let Some((line, false)) = self.ignored_line.clone() {
             let place = self.reader.place(line);
@@ -274,11 +275,13 @@ impl Model<'_, '_> {
     /// Reads `Axiom: modules`, or a block with `nproduce`.
     fn axiom(&mut self, value: Piece<'_>, block: &[Line<'_>]) {
         self.has_axiom = true;
+        self.is_outside_of_blocks = true;
         let statements = if value.text.is_empty() {
             self.statements(block)
         } else {
             self.modules_of(value, block).map(|m| vec![Statement::Produce(m, true)])
         };
+        self.is_outside_of_blocks = false;
         let Some(statements) = self.settle(statements) else { return };
         // Variables of the block do not belong to the model.
         let (mut names, mut globals) = (Vec::new(), Vec::new());
@@ -296,6 +299,11 @@ impl Model<'_, '_> {
         // The computations of the axiom run before the first step.
         for step in &way.steps {
             match step {
+                Step::Store(store) => {
+                    let why = format!("a change of the list '{}' in the axiom", store.list);
+                    let why = Refusal::new(why, value.range());
+                    return self.refuse(&why.remedy("change it in Start(), which runs before the first step"));
+                }
                 Step::Assign(name, e) => self.global(name, e, value.range()),
                 Step::Loop(_, _, place) => {
                     return self.refuse(&Refusal::new("a loop of the axiom whose turns are drawn", place.clone()));

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
+use super::assignment::nested_change;
 use super::emit::constant_of;
 use super::expression::{ListChange, MAX_LOOKUP, MAX_OPS, PyExpr, PyOp, is_nothing, size_with};
 use super::refusal::Refusal;
@@ -248,6 +249,7 @@ pub(super) fn changed(
             let at = position(at, items.len(), scope).filter(|at| *at < items.len()).ok_or_else(refused)?;
             items.remove(at);
         }
+        (ListChange::Set, [PyExpr::List(..), _]) => return Err(nested_change(range.clone())),
         (ListChange::Set, [at, value]) => {
             let at = position(at, items.len(), scope).ok_or_else(refused)?;
             *items.get_mut(at).ok_or_else(refused)? = value.clone();

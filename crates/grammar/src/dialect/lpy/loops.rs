@@ -324,7 +324,7 @@ impl Model<'_, '_> {
                 Step::Loop(_, body, _) => names_of(body).0.iter().for_each(|name| {
                     scope.local(name);
                 }),
-                Step::Condition(..) => {}
+                Step::Condition(..) | Step::Store(..) => {}
             }
         }
         compile(e, &scope).is_ok()

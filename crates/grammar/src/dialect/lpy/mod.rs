@@ -1,9 +1,12 @@
 //! Reads models of L-Py: rules, and the statements and expressions of Python that docs/dialects.md lists. A production with
 //! `if` becomes one production for each execution path through it, which the code calls a way.
 
+mod arrays;
 mod assignment;
+mod attempts;
 mod block;
 mod bounds;
+mod changed_lists;
 mod color;
 mod curve_table;
 mod curves;
@@ -47,7 +50,7 @@ use self::refusal::Refusal;
 use self::rule::arities;
 use self::run_functions::RunFunctions;
 use self::scope::{OwnFunction, Scope};
-use self::statement::{GROUP, Statement};
+use self::statement::{DIRECTION, GROUP, Statement};
 use crate::code::{Bytecode, CalledFunction, Op};
 use crate::dialect::Reader;
 use crate::dialect::text::{Piece, lines};
@@ -91,7 +94,9 @@ struct Model<'r, 's> {
     given: BTreeMap<&'static str, usize>,
     /// True while the statements of the axiom are read, whose loops are unrolled.
     is_in_axiom: bool,
-    /// Number of refused Python statements that the model needs.
+    /// The statements that are read are no block of a production or function: lists that these change are lists there.
+    is_outside_of_blocks: bool,
+    /// Number of statements of Python that the model could not run without.
     refusals: usize,
     /// Code that computes the values of the model before the first step.
     start: Vec<Op>,
@@ -163,6 +168,7 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
         has_axiom: false,
         given: BTreeMap::new(),
         is_in_axiom: false,
+        is_outside_of_blocks: false,
         refusals: 0,
         start: Vec::new(),
         functions: RunFunctions::default(),
@@ -188,12 +194,18 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
         run_parameters: Vec::new(),
         direction: None,
     };
+    // Lists that change take the first slots of variables.
+    model.find_changed_lists(&list);
     if model.uses_groups {
         model.scope.global(GROUP);
     }
     // Properties of the whole text that affect how its lines are read.
     model.scope.has_none = ["None", "''", "\"\"", ".get("].iter().any(|text| plain.contains(text));
     model.scope.is_backward = plain.contains("backward()");
+    model.scope.direction_changes = run_functions::changes_direction(&list);
+    if model.scope.direction_changes {
+        model.scope.global(DIRECTION);
+    }
     model.shared_names(&list);
     // Sliders and module names come first, because L-Py knows them anywhere in the file.
     model.parameters(&list);
@@ -289,6 +301,11 @@ impl Model<'_, '_> {
         let called = functions.iter().map(|f| {
             let code =
                 self.scope.with_tables(Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() });
+            // Loops over lists count at the place of their first call.
+            let mut code = code;
+            if code.ops.iter().any(|op| matches!(op, Op::Count(_))) {
+                code.places = vec![self.reader.place(f.place.clone())];
+            }
             CalledFunction { parameters: f.parameters, code, place: self.reader.place(f.place.clone()) }
         });
         // Nothing else sets it.
@@ -313,7 +330,7 @@ impl Model<'_, '_> {
             [self.start.clone(), self.functions.start_each.clone(), self.functions.end_each.clone()]
                 .map(|ops| (!ops.is_empty()).then(|| self.bytecode(ops)));
         let blocks = &mut self.reader.program.blocks;
-        blocks.globals = self.scope.globals.len();
+        blocks.globals = self.scope.array_slots + self.scope.globals.len();
         (blocks.start, blocks.start_each, blocks.end_each) = (start, start_each, end_each);
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::Model;
-use super::expression::{ATTRIBUTE, OBJECT, PyExpr, is_object, substitute, times_read, with_parts};
+use super::expression::{ATTRIBUTE, METHOD, OBJECT, PyExpr, is_object, substitute, times_read, with_parts};
 use super::lines::{Line, block_after};
 use super::param_shape::{Class, ParamShape};
 use super::parser::parse;
@@ -198,12 +198,45 @@ impl Model<'_, '_> {
                 }
             }
         }
-        // Collect the attributes set outside of `__init__`, because a change of an object that two modules share would affect both.
+        self.find_methods(list);
+        // Attributes that lines other than those of `__init__` set: objects that have one are shared by those who hold them.
         let targets = list.iter().filter_map(|line| attribute_target(line.piece));
         self.changed_attributes.extend(targets.filter(|t| t.object.text != "self").map(|t| t.field.to_owned()));
     }
 
-    /// True if some line of the model sets an attribute of such an object.
+    /// Notes the methods of classes, and the attributes that they change.
+    fn find_methods(&mut self, list: &[Line<'_>]) {
+        for (i, line) in list.iter().enumerate().filter(|(_, line)| line.piece.text.starts_with("class ")) {
+            for method in methods_of(list, i, line.indent) {
+                let Some(line) = list.get(method.index) else { continue };
+                let lines = block_after(list, method.index, line.indent).0;
+                let targets = lines.iter().filter_map(|line| attribute_target(line.piece));
+                self.changed_attributes.extend(targets.map(|t| t.field.to_owned()));
+                let name = format!("{METHOD}{}", method.name);
+                if !self.defined.insert(name.clone()) {
+                    self.scope.refused_functions.insert(name, "two classes have a method of this name".to_owned());
+                }
+            }
+        }
+    }
+
+    /// Reads the methods of the class at line `i`, each as a function of the object and its other parameters.
+    pub(super) fn methods(&mut self, list: &[Line<'_>], i: usize, indent: usize) {
+        for method in methods_of(list, i, indent) {
+            let Some(line) = list.get(method.index) else { continue };
+            let name = format!("{METHOD}{}", method.name);
+            // Of two methods of one name a call does not tell which is meant.
+            if self.scope.refused_functions.contains_key(&name) {
+                continue;
+            }
+            let (block, _) = block_after(list, method.index, line.indent);
+            let (_, rest) = line.piece.first_word(&['(', ':', '=']);
+            self.definitions.insert(name.clone(), method.index);
+            self.function_named(name, rest, block, &line.piece.range());
+        }
+    }
+
+    /// True for an object of which some line of the model sets an attribute.
     pub(super) fn is_changing(&self, object: &PyExpr) -> bool {
         fields_of(object).is_some_and(|fields| fields.iter().any(|field| self.changed_attributes.contains(field)))
     }
@@ -306,7 +339,26 @@ impl Model<'_, '_> {
     }
 }
 
-/// Reads the lines of a class: `__init__` and attribute values. The methods `__str__` and `__repr__` are ignored.
+/// A method of a class, but for those with special names: its name and line.
+struct Method<'t> {
+    name: &'t str,
+    index: usize,
+}
+
+/// The methods of the class at line `i`.
+fn methods_of<'t>(list: &[Line<'t>], i: usize, indent: usize) -> Vec<Method<'t>> {
+    let block = block_after(list, i, indent).0;
+    let least = block.iter().map(|line| line.indent).min().unwrap_or(0);
+    let method = |(k, line): (usize, &Line<'t>)| {
+        let (word, rest) = line.piece.first_word(&['(', ':', '=']);
+        let name = rest.text.split('(').next().unwrap_or("").trim();
+        let is_method = word.text == "def" && line.indent == least && !name.starts_with("__");
+        is_method.then_some(Method { name, index: i + 1 + k })
+    };
+    block.iter().enumerate().filter_map(method).collect()
+}
+
+/// Reads the lines of a class: `__init__`, and values of attributes. Functions that describe an object are not needed.
 fn class_of(block: &[Line<'_>]) -> Result<Class, Refusal> {
     let mut class = Class::default();
     let mut i = 0;
@@ -318,14 +370,14 @@ fn class_of(block: &[Line<'_>]) -> Result<Class, Refusal> {
             "pass" => {}
             "def" => {
                 let name = rest.text.split('(').next().unwrap_or("").trim();
-                if matches!(name, "__str__" | "__repr__") {
-                    continue;
-                }
-                if name != "__init__" {
+                if name.starts_with("__") && !matches!(name, "__init__" | "__str__" | "__repr__") {
                     let why = Refusal::new(format!("the function '{name}' of a class"), line.piece.range());
-                    return Err(why);
+                    return Err(why.remedy("give it a name of its own, and call it as a method: p.add(q)"));
                 }
-                init_of(rest, inner, &mut class)?;
+                // Methods are functions of the object.
+                if name == "__init__" {
+                    init_of(rest, inner, &mut class)?;
+                }
             }
             _ if line.piece.text.starts_with(['"', '\'']) => {}
             _ => match assignment(line.piece).filter(|(name, _)| is_name(name.text)) {

@@ -5,8 +5,8 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::expression::{
-    ATTRIBUTE, DICTIONARY, FLAT, IN, JOINED_TEXT, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, is_joined_text, is_none,
-    range_of, substitute, text_number, text_refusal,
+    ATTRIBUTE, DICTIONARY, FLAT, IN, JOINED_TEXT, METHOD, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, is_joined_text,
+    is_none, range_of, substitute, text_number, text_refusal,
 };
 use super::lines::{JOINED, masked};
 use super::pieces::{assignment, colon, split};
@@ -20,7 +20,10 @@ const MAX_DEPTH: usize = 200;
 /// Limit on the height of a syntax tree, which chains of operators also increase: functions on trees are recursive.
 const MAX_HEIGHT: usize = 500;
 
-/// Methods that read a list or a dictionary; a call of one becomes a function call with a dot before the method's name.
+/// Nesting of the names of a `for`; deeper ones are refused.
+const MAX_TARGETS: usize = 16;
+
+/// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
 const METHODS: [&str; 7] = ["index", "get", "keys", "values", "items", "copy", "format"];
 
 /// Operators and punctuation, longer ones first.
@@ -197,18 +200,42 @@ pub(super) fn lambda(piece: Piece<'_>) -> Option<Lambda<'_>> {
     Some(Lambda { params, defaults, value })
 }
 
-/// Makes `[value for name in list]`; several names unpack each item.
-fn each_item(value: PyExpr, mut names: Vec<String>, list: PyExpr, place: &Range<usize>, range: Range<usize>) -> PyExpr {
-    let (value, name) = match names.pop() {
-        Some(name) if names.is_empty() => (value, name),
-        last => {
-            names.extend(last);
+/// A name that takes an item of a list, or the part of the item that these indices lead to: of `i, (a, b)` b is at 1, 1.
+struct ItemTarget {
+    name: String,
+    path: Vec<usize>,
+}
+
+impl ItemTarget {
+    /// Names that each take a part of the item; a single one takes all of it.
+    fn row(names: Vec<String>) -> Vec<Self> {
+        let is_one = names.len() == 1;
+        let target = |(k, name)| Self { name, path: if is_one { Vec::new() } else { vec![k] } };
+        names.into_iter().enumerate().map(target).collect()
+    }
+}
+
+/// `[value for name in list]`; several names take each item apart.
+fn each_item(
+    value: PyExpr,
+    targets: Vec<ItemTarget>,
+    list: PyExpr,
+    place: &Range<usize>,
+    range: Range<usize>,
+) -> PyExpr {
+    let (value, name) = match targets.as_slice() {
+        [ItemTarget { name, path }] if path.is_empty() => (value, name.clone()),
+        _ => {
             let item = format!("(item at {})", place.start);
-            let at = |k: usize| {
-                let item = Box::new(PyExpr::Name(item.clone(), place.clone()));
-                PyExpr::Index(item, Box::new(PyExpr::Number(f64::from(saturating_index(k)))), place.clone())
+            let part = |target: &ItemTarget| {
+                let whole = PyExpr::Name(item.clone(), place.clone());
+                target.path.iter().fold(whole, |part, k| {
+                    let index = PyExpr::Number(f64::from(saturating_index(*k)));
+                    PyExpr::Index(Box::new(part), Box::new(index), place.clone())
+                })
             };
-            let parts: Vec<PyExpr> = (0..names.len()).map(at).collect();
+            let parts: Vec<PyExpr> = targets.iter().map(part).collect();
+            let names: Vec<String> = targets.into_iter().map(|target| target.name).collect();
             (substitute(&value, &names, &parts), item)
         }
     };
@@ -594,6 +621,11 @@ impl PyParser {
                         name.as_str(),
                         "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m" | "pgl" | "copy"
                     );
+                    if !is_module && let Some(method) = self.called_method() {
+                        let object = PyExpr::Name(name, t.range.clone());
+                        let call = self.method_call(method, object, t.range)?;
+                        return self.indexed(call);
+                    }
                     if !is_module && let Some(field) = self.attribute() {
                         let object = PyExpr::Name(name, t.range.clone());
                         return self.indexed(PyExpr::Call(field, vec![object], t.range));
@@ -649,11 +681,7 @@ impl PyParser {
             return Err(Refusal::new("a list that does not end", place));
         }
         let mut names = Vec::new();
-        while names.is_empty() || self.eat(",") {
-            let Some(name) = self.word().map(str::to_owned) else { return Err(Refusal::new("'for'", place)) };
-            names.push(name);
-            self.i += 1;
-        }
+        self.targets(&[], &mut names)?;
         if !self.eat_word("in") {
             return Err(Refusal::new("'for'", place));
         }
@@ -683,8 +711,38 @@ impl PyParser {
         Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
     }
 
-    /// Parses the rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; `map` iterates
-    /// over several lists in parallel.
+    /// Reads the names of `for i, (a, b) in`. `path`: where what they take apart stands in the item.
+    fn targets(&mut self, path: &[usize], out: &mut Vec<ItemTarget>) -> Result<(), Refusal> {
+        let first = out.len();
+        let mut count = 0;
+        while count == 0 || self.eat(",") {
+            let own = [path, &[count]].concat();
+            if self.eat("(") {
+                if own.len() > MAX_TARGETS {
+                    return Err(Refusal::new("names nested too deep", self.here()));
+                }
+                self.targets(&own, out)?;
+                if !self.eat(")") {
+                    return Err(Refusal::new("an unclosed '('", self.here()));
+                }
+            } else {
+                let name = self.word().map(str::to_owned).ok_or_else(|| Refusal::new("'for'", self.here()))?;
+                out.push(ItemTarget { name, path: own });
+                self.i += 1;
+            }
+            count += 1;
+        }
+        // A single target takes the whole.
+        if count == 1 {
+            for target in out.iter_mut().skip(first) {
+                target.path.remove(path.len());
+            }
+        }
+        Ok(())
+    }
+
+    /// The rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map` are taken
+    /// side by side.
     fn mapped(&mut self, is_filter: bool, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let place = self.here();
         // A lambda gives names and a value, a function only its name.
@@ -748,7 +806,7 @@ impl PyParser {
             Some(list) if lists.is_empty() => list,
             last => PyExpr::Call("zip".to_owned(), lists.into_iter().chain(last).collect(), range.clone()),
         };
-        Ok(each_item(value, names, list, &place, range))
+        Ok(each_item(value, ItemTarget::row(names), list, &place, range))
     }
 
     /// The index of a coordinate such as `.x`, if it comes next.
@@ -773,7 +831,35 @@ impl PyParser {
         Some(name)
     }
 
-    /// Parses indices and coordinates after a value.
+    /// The method of a class of the model whose call follows.
+    fn called_method(&self) -> Option<String> {
+        match self.tokens.get(self.i..)? {
+            [
+                PyToken { kind: PyTokenKind::Sign("."), .. },
+                PyToken { kind: PyTokenKind::Name(name), .. },
+                PyToken { kind: PyTokenKind::Sign("("), .. },
+                ..,
+            ] => Some(format!("{METHOD}{name}")),
+            _ => None,
+        }
+    }
+
+    /// The rest of such a call: the object is its first argument.
+    fn method_call(&mut self, method: String, object: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
+        self.i += 3;
+        let mut call = self.call(method, range)?;
+        self.depth -= 1;
+        if let PyExpr::Call(_, args, _) = &mut call {
+            args.insert(0, object);
+        }
+        Ok(call)
+    }
+
+    /// Indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
         let mut count = 0;
@@ -783,6 +869,11 @@ impl PyParser {
             // `v.x` is read as `v[0]`; other attributes are refused at the end of the expression.
             if self.sign() == Some(".") {
                 let Some(axis) = self.axis() else {
+                    if let Some(method) = self.called_method() {
+                        out = self.method_call(method, out, place)?;
+                        self.grow(height)?;
+                        continue;
+                    }
                     let Some(field) = self.attribute() else { break };
                     self.grow(height)?;
                     out = PyExpr::Call(field, vec![out], place);

@@ -95,19 +95,33 @@ pub(super) fn is_name(text: &str) -> bool {
     chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
 }
 
-/// The two sides of `name = expression`; `None` for anything else.
+/// What stands within the parentheses that a text begins and ends with; `None` for a text that is more or less than that.
+pub(super) fn inside(piece: Piece<'_>) -> Option<Piece<'_>> {
+    let inner = piece.text.strip_prefix('(')?;
+    let end = closing(inner).filter(|end| end + 1 == inner.len())?;
+    Some(Piece::new(piece.at + 1, inner.get(..end)?).trimmed())
+}
+
+/// True for what an assignment may set: a name, or several of them in parentheses, `(a, (b, c))`.
+fn is_nested_target(piece: Piece<'_>) -> bool {
+    match inside(piece) {
+        Some(inner) => split(inner).into_iter().all(is_nested_target) && !inner.text.is_empty(),
+        None => is_name(piece.text),
+    }
+}
+
+/// `name = expression`, also of several names; `None` for anything else.
 pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let i = piece.text.find('=')?;
     let names = piece.up_to(i).trimmed();
     // `(x, y) = e` is `x, y = e`.
-    let inner = names.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
-    let names = inner.map_or(names, |t| Piece::new(names.at + 1, t).trimmed());
+    let names = inside(names).unwrap_or(names);
     let value = piece.from(i + 1).trimmed();
     // One name may take the items that the others leave: `first, *rest = q`.
     let parts = split(names);
     let stars = parts.iter().filter(|p| p.text.starts_with('*')).count();
     let is_target =
-        |p: &Piece<'_>| is_name(p.text) || (parts.len() > 1 && is_name(p.text.trim_start_matches('*').trim()));
+        |p: &Piece<'_>| is_nested_target(*p) || (parts.len() > 1 && is_name(p.text.trim_start_matches('*').trim()));
     (stars <= 1 && parts.iter().all(is_target) && !names.text.is_empty() && !value.text.starts_with('='))
         .then_some((names, value))
 }

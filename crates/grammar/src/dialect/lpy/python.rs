@@ -68,26 +68,7 @@ impl Model<'_, '_> {
                 }
                 return next;
             }
-            "if" | "for" | "while" => {
-                // The lines of `elif` and `else` belong to an `if`, and those of `else` also to a loop.
-                let mut end = next;
-                while let Some(more) = list.get(end).filter(|more| more.indent == line.indent) {
-                    if !matches!(more.piece.first_word(&['(', ':']).0.text, "elif" | "else") {
-                        break;
-                    }
-                    end = block_after(list, end, more.indent).1;
-                }
-                let statements = self.statements(list.get(i..end).unwrap_or(&[]));
-                let is_known = statements.and_then(|statements| self.run(&statements, &range));
-                if self.settle(is_known) == Some(false) {
-                    let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
-                    self.refuse(
-                        &why.remedy("only a run knows what it does: write it into Start(), or into a production"),
-                    );
-                }
-                return end;
-            }
-            // Imports that may fail: the `except` block, which runs if they do, is skipped.
+            // Imports that may fail; what follows an `except` runs where they do.
             "try" if rest.text == ":" && only_imports(block) => {
                 block.iter().for_each(|l| self.import(l.piece));
                 let mut end = next;
@@ -98,10 +79,36 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
-            // Classes were read before; an unreadable one is refused where an object is made.
-            "class" => return next,
+            "if" | "for" | "while" | "try" => {
+                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
+                let mut end = next;
+                let more_words: &[&str] =
+                    if word.text == "try" { &["except", "else", "finally"] } else { &["elif", "else"] };
+                while let Some(more) = list.get(end).filter(|more| more.indent == line.indent) {
+                    if !more_words.contains(&more.piece.first_word(&['(', ':']).0.text) {
+                        break;
+                    }
+                    end = block_after(list, end, more.indent).1;
+                }
+                self.is_outside_of_blocks = true;
+                let statements = self.statements(list.get(i..end).unwrap_or(&[]));
+                self.is_outside_of_blocks = false;
+                let is_known = statements.and_then(|statements| self.run(&statements, &range));
+                if self.settle(is_known) == Some(false) {
+                    let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
+                    self.refuse(
+                        &why.remedy("only a run knows what it does: write it into Start(), or into a production"),
+                    );
+                }
+                return end;
+            }
+            // Read before; one that cannot be read is refused where an object is made.
+            "class" => {
+                self.methods(list, i, line.indent);
+                return next;
+            }
             "del" if rest.text.contains('[') => {}
-            "try" | "with" | "raise" | "del" => {
+            "with" | "raise" | "del" => {
                 let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
                 self.refuse(&Refusal { remedy: remedy_of(word.text), ..why });
                 return next;
@@ -165,7 +172,7 @@ impl Model<'_, '_> {
                 }
             }
             let (names, values) = (split(names), split(value));
-            if names.iter().any(|name| name.text.starts_with('*')) {
+            if names.iter().any(|name| name.text.starts_with(['*', '('])) {
                 match assign_statement(piece) {
                     Ok(statements) => {
                         for statement in statements {
@@ -244,11 +251,14 @@ impl Model<'_, '_> {
 
     /// Sets a value of the model: a constant, or a number that is drawn once.
     pub(super) fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
-        // A function of statements runs like the block of an axiom. If it cannot, that is reported where the value is used.
-        if first_call(e, &|name| self.has_body(name)).is_some()
-            && let Ok(true) = self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range)
-        {
-            return;
+        // A function of statements runs as in the block of an axiom. One that cannot is named where the value is used.
+        let mut refused = None;
+        if first_call(e, &|name| self.has_body(name)).is_some() {
+            match self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range) {
+                Ok(true) => return,
+                Ok(false) => {}
+                Err(why) => refused = Some(why),
+            }
         }
         match e {
             PyExpr::Text(_, place) if !place.is_empty() => self.texts.insert(name.to_owned(), place.clone()),
@@ -258,8 +268,8 @@ impl Model<'_, '_> {
         let resolved = resolve(e, &self.scope, 0);
         if let Ok(list) = &resolved
             && (is_list_or_vector(list) || is_dictionary(list))
-            && !is_shared
-            && !has_random(list, &self.scope)
+            && (!is_shared || self.scope.changing.contains(name))
+            && (!has_random(list, &self.scope) || self.scope.changing.contains(name))
         {
             self.share_lists_of_model(name, e);
             self.scope.constants.remove(name);
@@ -277,7 +287,8 @@ impl Model<'_, '_> {
         let code = match resolved.and_then(|e| compile(&e, &self.scope)) {
             Ok(code) => code,
             Err(why) => {
-                // Report it only where it is used: many models contain values that their rules do not need.
+                // Named only where it is used: many models hold values that their rules do not need.
+                let why = refused.unwrap_or(why);
                 self.scope.constants.remove(name);
                 self.scope.unreadable.insert(name.to_owned(), Refusal { range, ..why });
                 return;
@@ -322,7 +333,9 @@ impl Model<'_, '_> {
 
     /// Records the names that a function run by L-Py sets to unreadable values; a production that uses one is refused.
     pub(super) fn hide_unreadable(&mut self, block: &[Line<'_>]) {
-        for (name, why) in block.iter().filter_map(unreadable_assignment) {
+        let unreadable = |line| unreadable_assignment(line, &self.scope, &self.defined);
+        let found: Vec<_> = block.iter().filter_map(unreadable).collect();
+        for (name, why) in found {
             self.scope.constants.remove(name);
             self.scope.unreadable.insert(name.to_owned(), why);
         }

@@ -26,7 +26,7 @@ impl Refusal {
 /// The replacement for an unsupported Python statement.
 pub(super) fn remedy_of(word: &str) -> Option<&'static str> {
     Some(match word {
-        "try" | "with" => "write the statements of its block without it",
+        "with" => "write the statements of its block without it",
         "raise" | "del" => "leave it out",
         "class" => "hand its values on as parameters of modules",
         _ => return None,

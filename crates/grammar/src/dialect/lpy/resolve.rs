@@ -11,15 +11,16 @@ use super::dictionary::dictionary_of;
 use super::emit::{constant_of, emit, folded, known_truth};
 use super::expression::{
     ATTRIBUTE, DICTIONARY, FLAT, IN, MAX_OPS, OBJECT, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name,
-    first_call, is_dictionary, is_nothing, is_object, plain_name, range_of, size_with, substitute, text_refusal,
-    times_read,
+    first_call, is_dictionary, is_none, is_nothing, is_object, plain_name, range_of, size_with, substitute,
+    text_refusal, times_read,
 };
 use super::lists::{
     combined, first_number, flat, index_of, is_one_of, item, numbers_of_range, one_of, slice, sorted, zipped,
 };
 use super::refusal::Refusal;
 use super::scope::{RUN, RunFunction, Scope, arguments, has_random};
-use super::{curves, dictionary, lists, objects, vectors};
+use super::statement::DIRECTION;
+use super::{changed_lists, curves, dictionary, lists, objects, vectors};
 use crate::code::{Bytecode, Op};
 
 /// Limit on the nesting of inlined calls of functions of the model, which may be recursive.
@@ -56,6 +57,9 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             if let Some(why) = scope.unreadable.get(name).filter(|_| !is_local) {
                 return Err(why.clone());
             }
+            if let Some((name, _)) = changed_lists::list_of(e, scope) {
+                return Err(changed_lists::whole_refusal(name, range.clone()));
+            }
             let is_global = scope.globals.iter().any(|global| global == name);
             let known = is_local || is_global || scope.lists.contains_key(name);
             if !known && !scope.constants.contains_key(name) {
@@ -88,6 +92,12 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         // Strings can only be compared for equality: their order is not known.
         PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => {
             let (a, b) = (sub(a)?, sub(b)?);
+            // A list, a dictionary or an object is not `None`.
+            let is_none = |e: &PyExpr| matches!(e, PyExpr::Text(value, _) if is_none(*value));
+            let is_other = |e: &PyExpr| is_list_or_vector(e) || is_dictionary(e);
+            if (is_none(&a) && is_other(&b)) || (is_none(&b) && is_other(&a)) {
+                return Ok(PyExpr::Number(if *op == PyOp::Ne { 1.0 } else { 0.0 }));
+            }
             match vectors::compared(*op, &a, &b) {
                 Some(test) => test,
                 None => PyExpr::Binary(*op, a, b),
@@ -141,6 +151,16 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Each(value, name, list, range) => return resolved_each(value, name, list, range, scope, depth),
         PyExpr::Index(list, index, range) => {
             let index = resolve(index, scope, depth)?;
+            if let Some((name, own)) = changed_lists::list_of(list, scope) {
+                return changed_lists::element(name, own, &index, scope, range);
+            }
+            let is_slice = matches!(&index, PyExpr::Call(name, ..) if name == SLICE);
+            if let Some(item) = changed_lists::item_of_row(list, &index, scope, depth).filter(|_| !is_slice) {
+                return item;
+            }
+            if let Some(turn) = changed_lists::turn_item(list, &index, scope, range) {
+                return Ok(turn);
+            }
             if let PyExpr::Call(name, parts, _) = &index
                 && name == SLICE
             {
@@ -186,6 +206,9 @@ fn resolved_call(
     scope: &Scope,
     depth: usize,
 ) -> Result<PyExpr, Refusal> {
+    if let Some(of_list) = changed_lists::call(name, args, scope, range, depth) {
+        return of_list;
+    }
     let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
     if let (Some(field), [object]) = (name.strip_prefix(ATTRIBUTE), args.as_slice()) {
         return objects::attribute(object, field, range);
@@ -240,6 +263,9 @@ fn resolved_call(
         // A copy of a number, a string, a list or a vector is the same value.
         ("copy" | "deepcopy", [value]) => value.clone(),
         ("dict", _) => dictionary_of(&args, range)?,
+        ("isForward", []) if scope.direction_changes => {
+            PyExpr::Not(Box::new(PyExpr::Name(DIRECTION.to_owned(), range.clone())))
+        }
         ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
         (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
         (FLAT, [PyExpr::List(lists, _)]) => flat(lists, range)?,

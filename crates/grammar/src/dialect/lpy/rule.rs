@@ -11,7 +11,7 @@ use super::pieces::{closing, colon, split};
 use super::refusal::Refusal;
 use super::resolve::compile;
 use super::shapes::{SpreadModule, spread};
-use super::statement::{GROUP, Statement, assigned};
+use super::statement::{DIRECTION, GROUP, Statement, assigned};
 use super::strings::{PyModule, QUERIES, Spelled, frame_query, spell};
 use super::vectors::vector;
 use super::way::Way;
@@ -202,7 +202,13 @@ impl Model<'_, '_> {
             self.refuse(&why.remedy("call it in StartEach(), which runs before each step"));
             return None;
         }
-        // Productions of a group apply only while that group is active.
+        if names.iter().any(|n| n == DIRECTION) {
+            let range = head.place.span.start as usize..head.place.span.end as usize;
+            let why = Refusal::new("'backward()' or 'forward()' in a production", range);
+            self.refuse(&why.remedy("call it in StartEach(), which runs before each step"));
+            return None;
+        }
+        // Productions of a group wait for its number.
         if self.group.abs() > 0.0 {
             let active = PyExpr::Name(GROUP.to_owned(), 0..0);
             let is = PyExpr::Binary(PyOp::Eq, Box::new(active), Box::new(PyExpr::Number(self.group)));
@@ -221,9 +227,9 @@ impl Model<'_, '_> {
             self.refuse(&why.remedy("end each way by 'produce' with the module that holds the object: produce A(p)"));
             return None;
         }
-        // A path without modules may still assign variables of the model; the next production is tried after it.
-        let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty()).collect();
-        // A variable that is set only on other paths has no value: L-Py ends with an error on such a path.
+        // A way without modules still assigns variables of the model; the next production is tried after it.
+        let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty() || w.stores()).collect();
+        // A variable that only other ways set has no value: L-Py ends with an error on such a way.
         let is_of_head = |name: &String| self.rule_lists.iter().any(|(own, _)| own == name);
         names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name) && !is_of_head(name));
         let unset: Vec<Option<&String>> =

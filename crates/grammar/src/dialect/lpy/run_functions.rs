@@ -10,7 +10,7 @@ use super::lines::Line;
 use super::pieces::{closing, is_seed, split, statements_of_line};
 use super::refusal::Refusal;
 use super::resolve::compile;
-use super::statement::Statement;
+use super::statement::{DIRECTION, Statement};
 use super::way_code::{LoopJumps, push_test};
 use crate::code::Op;
 use crate::dialect::text::Piece;
@@ -31,6 +31,21 @@ pub(super) struct RunFunctions {
     pub start: Vec<Op>,
     pub start_each: Vec<Op>,
     pub end_each: Vec<Op>,
+}
+
+/// True if the calls of `backward()` and `forward()` give steps different directions: there are both, or one stands behind a test.
+pub(super) fn changes_direction(list: &[Line<'_>]) -> bool {
+    let (mut directions, mut is_tested) = (Vec::new(), false);
+    for (i, line) in list.iter().enumerate() {
+        let text = line.piece.text;
+        let Some(at) = ["backward()", "forward()"].iter().find_map(|call| text.find(call)) else { continue };
+        directions.push(text.get(at..).is_some_and(|t| t.starts_with("backward()")));
+        // The line that heads its block, which may be the line itself.
+        let head = list.iter().take(i).rev().find(|other| other.indent < line.indent);
+        let head = if at == 0 { head.map_or("", |l| l.piece.text) } else { text };
+        is_tested |= !head.starts_with("def ") && !head.is_empty();
+    }
+    is_tested || directions.iter().any(|d| Some(d) != directions.first())
 }
 
 impl Model<'_, '_> {
@@ -88,12 +103,13 @@ impl Model<'_, '_> {
                 lines.push(Line { piece: line.piece.up_to(end), ..*line });
                 continue;
             }
+            // The direction of all steps is no part of the code.
             let is_backward = text.starts_with("backward()");
-            if is_backward || text.starts_with("forward()") {
-                self.direction(is_backward, line.piece.range(), block.iter().any(|l| l.indent < line.indent))?;
+            if (is_backward || text.starts_with("forward()")) && !self.scope.direction_changes {
+                self.direction = Some(is_backward);
                 continue;
             }
-            if unreadable_assignment(line).is_none() {
+            if unreadable_assignment(line, &self.scope, &self.defined).is_none() {
                 lines.push(*line);
             }
         }
@@ -149,7 +165,8 @@ impl Model<'_, '_> {
                     }
                     ops.push(Op::StoreGlobal(self.scope.global(name)));
                 }
-                // Emit test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code in between.
+                Statement::Store(store) => self.plain_store(store, ops)?,
+                // test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code that they pass.
                 Statement::If(tests, other) => {
                     let mut ends = Vec::new();
                     for (test, then) in tests {
@@ -263,33 +280,25 @@ impl Model<'_, '_> {
         is_other
     }
 
-    /// Sets the direction in which all steps rewrite: `backward()` or `forward()`. `is_nested`: the call depends on a condition.
-    fn direction(&mut self, is_backward: bool, range: Range<usize>, is_nested: bool) -> Result<(), Refusal> {
-        if is_nested || self.direction.is_some_and(|d| d != is_backward) {
-            let why = Refusal::new("a direction of rewriting that changes between the steps", range);
-            return Err(
-                why.remedy("call 'backward()' without a condition, in Start(): all steps then rewrite from the right")
-            );
-        }
-        self.direction = Some(is_backward);
-        Ok(())
-    }
-
-    /// Omits productions with contexts in the part of the new string that the direction of rewriting has not made yet: L-Py
-    /// does not apply them.
+    /// Leaves out the productions that look at the new string on the side where the direction of rewriting has not made it yet:
+    /// L-Py does not apply them.
     pub(super) fn keep_productions_of_direction(&mut self) {
         let is_backward = self.direction == Some(true);
         self.reader.program.is_backward = is_backward;
+        let changes = self.scope.direction_changes;
+        if changes {
+            self.reader.program.direction = Some(self.scope.global(DIRECTION));
+        }
         let list = std::mem::take(&mut self.reader.program.rules.list);
         for p in list {
             let (unseen, sign) = if is_backward { (&p.new_left, "<<") } else { (&p.new_right, ">>") };
-            if is_backward && p.predecessor.len() > 1 {
+            if (is_backward || changes) && p.predecessor.len() > 1 {
                 let range = p.place.span.start as usize..p.place.span.end as usize;
                 let why = Refusal::new("several modules as a predecessor beside 'backward()'", range);
                 self.refuse(
                     &why.remedy("write the others as a right context and rewrite each by a production of its own"),
                 );
-            } else if unseen.is_empty() {
+            } else if unseen.is_empty() || changes {
                 self.reader.program.rules.list.push(p);
             } else {
                 let message = format!("a production with '{sign}' never applies in this direction of rewriting");

@@ -8,11 +8,12 @@ use std::sync::{Arc, OnceLock};
 
 use osier_base::diagnostic::{SourceId, Span};
 
+use super::arrays::{ChangedList, Row};
 use super::curve_table::Curves;
-use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
+use super::expression::{MAX_OPS, METHOD, PyExpr, size_with, substitute, times_read, with_parts};
 use super::param_shape::{Class, ParamShape};
 use super::refusal::Refusal;
-use crate::code::{Bytecode, CalledFunction, Op};
+use crate::code::{Bytecode, CalledFunction, ElementAccess, Op};
 use crate::token::SourcePlace;
 
 /// Prefix in the name of a call of a function's code. It contains a blank, so that no function of a model can have such a name.
@@ -54,7 +55,18 @@ pub(super) struct Scope {
     pub has_none: bool,
     /// True if the model calls `backward()`.
     pub is_backward: bool,
-    /// Number of calls of functions in the expression being resolved.
+    /// Lists and dictionaries of the model that productions and functions change, by name.
+    pub changing: Rc<BTreeSet<String>>,
+    /// Those of them that are arrays of the machine, as blocks see them; empty until the values of the model are known.
+    pub arrays: BTreeMap<String, ChangedList>,
+    /// What the items of those of them are that hold lists or vectors, as the text tells.
+    pub rows: BTreeMap<String, Row>,
+    /// The arrays, in the order of their numbers. Their elements are the first global variables.
+    pub elements: Rc<Vec<ElementAccess>>,
+    pub array_slots: usize,
+    /// Its steps have different directions.
+    pub direction_changes: bool,
+    /// Calls of functions in the expression that is resolved.
     pub calls: Cell<usize>,
     /// True after the limit on the nesting or the number of calls was exceeded.
     pub has_too_many_calls: Cell<bool>,
@@ -93,7 +105,13 @@ impl Scope {
             self.globals.push(name.to_owned());
             self.globals.len() - 1
         });
-        slot_number(i)
+        slot_number(self.array_slots + i)
+    }
+
+    /// Slot of a variable of the model; `None` if it is none, or lies beyond 65,535.
+    pub fn global_slot(&self, name: &str) -> Option<u16> {
+        let i = self.globals.iter().position(|g| g == name)?;
+        u16::try_from(self.array_slots + i).ok()
     }
 
     /// Index of a function among those compiled to code.
@@ -105,6 +123,13 @@ impl Scope {
     /// The refusal of a call of an unknown function, with the reason if the model defines it.
     pub fn refused_call(&self, name: &str, range: Range<usize>) -> Refusal {
         let why = self.refused_functions.get(name).map(String::as_str);
+        if let Some(method) = name.strip_prefix(METHOD) {
+            let why = why.map_or_else(String::new, |why| format!(" ({why})"));
+            let refusal = Refusal::new(format!("the method '{method}'{why}"), range);
+            return refusal.remedy(
+                "of methods those of classes of the model are read: write it as a function f(p), or into the class",
+            );
+        }
         let remedy = match (name, why) {
             ("makestring", None) => Some("write the modules themselves, behind 'produce' or 'nproduce'"),
             _ => None,
@@ -134,6 +159,10 @@ impl Scope {
             let curves = self.curves.borrow();
             code.tables = Some(curves.tables());
             code.places.extend(curves.call_places.iter().copied());
+        }
+        if code.elements.is_empty() && code.ops.iter().any(|op| matches!(op, Op::LoadElement(_) | Op::StoreElement(_)))
+        {
+            code.elements.clone_from(&self.elements);
         }
         code
     }

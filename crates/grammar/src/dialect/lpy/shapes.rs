@@ -55,6 +55,11 @@ pub(super) fn spread(module: &PyModule, scope: &Scope) -> Result<SpreadModule, R
                 out.shape.push(ParamShape::List(items.len()));
                 out.args.extend(items);
             }
+            Some(object) if is_object(&object) && is_command(&module.name) => {
+                let why =
+                    Refusal::new(format!("an object as a parameter of the command '{}'", module.name), range_of(arg));
+                return Err(why.remedy("hand on one of its attributes: F(p.length)"));
+            }
             Some(object) if is_object(&object) => {
                 let values = values_of(&object).unwrap_or_default();
                 let is_number =

@@ -3,13 +3,16 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::expression::{PyExpr, exchanged, first_call, is_change, mentions, substitute};
+use super::expression::{PyExpr, PyOp, exchanged, first_call, is_change, is_none, mentions, substitute};
 use super::strings::PyModule;
 
 /// Variable that holds the number of the active group of productions; no model can contain its name.
 pub(super) const GROUP: &str = "(group)";
 
-/// Limit on the nesting of blocks in a production, as the reader is recursive.
+/// Variable that is not 0 in steps that rewrite from the end of the string, where the model changes the direction.
+pub(super) const DIRECTION: &str = "(backward)";
+
+/// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
 pub(super) const MAX_NESTING: usize = 64;
 
 #[derive(Debug, Clone)]
@@ -27,7 +30,9 @@ pub(super) enum Statement {
     While(PyExpr, Vec<Statement>, Range<usize>, u32),
     Break(Range<usize>),
     Continue(Range<usize>),
-    /// `Stop()`: the derivation ends after the current step.
+    /// Sets an item of a list that productions change.
+    Store(Store),
+    /// `Stop()`: the derivation ends after the present step.
     Stop(Range<usize>),
     /// Target of `continue` in an unrolled loop.
     TurnEnd,
@@ -43,6 +48,23 @@ pub(super) enum Statement {
     Pass,
 }
 
+/// A store of an item of a list that productions change.
+#[derive(Debug, Clone)]
+pub(super) struct Store {
+    pub list: String,
+    pub index: PyExpr,
+    /// An index below 0 counts from the end, and one outside of the list is reported.
+    pub is_checked: bool,
+    pub value: PyExpr,
+}
+
+impl Store {
+    /// The store with its expressions exchanged.
+    pub fn mapped(&self, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
+        Self { index: read(&self.index), value: read(&self.value), ..self.clone() }
+    }
+}
+
 impl Statement {
     /// The statement in which `read` replaces all expressions, also in nested blocks, and `own` the names that it sets.
     pub fn mapped(&self, own: &dyn Fn(&String) -> String, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
@@ -50,6 +72,7 @@ impl Statement {
         match self {
             Self::Assign(name, e) => Self::Assign(own(name), read(e)),
             Self::Run(e) => Self::Run(read(e)),
+            Self::Store(store) => Self::Store(store.mapped(read)),
             Self::If(tests, other) => {
                 Self::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
             }
@@ -155,6 +178,7 @@ pub(super) fn call_in(s: &Statement, is_one: &dyn Fn(&str) -> bool) -> Option<Py
         Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
             of(e)
         }
+        Statement::Store(store) => of(&store.index).or_else(|| of(&store.value)),
         Statement::If(tests, _) => tests.iter().find_map(|(test, _)| of(test)),
         Statement::Produce(modules, _) => modules.iter().flat_map(|m| &m.args).find_map(of),
         _ => None,
@@ -167,6 +191,7 @@ pub(super) fn without_call(s: &Statement, call: &PyExpr, by: &PyExpr) -> Stateme
     match s {
         Statement::Assign(name, e) => Statement::Assign(name.clone(), read(e)),
         Statement::Run(e) => Statement::Run(read(e)),
+        Statement::Store(store) => Statement::Store(store.mapped(&read)),
         Statement::Return(Some(e), place) => Statement::Return(Some(read(e)), place.clone()),
         Statement::For(name, e, body, place) => Statement::For(name.clone(), read(e), body.clone(), place.clone()),
         Statement::If(tests, other) => {
@@ -185,6 +210,7 @@ fn append_expressions<'s>(statements: &'s [Statement], out: &mut Vec<&'s PyExpr>
     for s in statements {
         match s {
             Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) => out.push(e),
+            Statement::Store(store) => out.extend([&store.index, &store.value]),
             Statement::If(tests, other) => {
                 for (test, then) in tests {
                     out.push(test);
@@ -246,8 +272,41 @@ pub(super) fn changes(statements: &[Statement], name: &str) -> bool {
     })
 }
 
-/// True if the statements only compute numbers: they make no modules, run no functions, do not return and change no lists. A
-/// loop of such statements is compiled to code, which can run any number of iterations.
+/// True if statements set a name to another value than a change of its own. What they do where its value is `None` does not count.
+pub(super) fn sets_anew(statements: &[Statement], name: &str) -> bool {
+    let is_of_none = |test: &PyExpr| match test {
+        PyExpr::Binary(PyOp::Eq, a, b) => {
+            matches!((&**a, &**b), (PyExpr::Name(own, _), PyExpr::Text(value, _)) if own == name && is_none(*value))
+        }
+        PyExpr::Call(bool, args, _) if bool == "bool" => {
+            matches!(args.as_slice(), [PyExpr::Binary(PyOp::Eq, a, b)]
+                if matches!((&**a, &**b), (PyExpr::Name(own, _), PyExpr::Text(value, _)) if own == name && is_none(*value)))
+        }
+        _ => false,
+    };
+    statements.iter().any(|s| match s {
+        Statement::Assign(own, e) => own == name && !is_change(e),
+        Statement::If(tests, other) => {
+            let anew = |(test, then): &(PyExpr, Vec<Statement>)| !is_of_none(test) && sets_anew(then, name);
+            tests.iter().any(anew) || sets_anew(other, name)
+        }
+        Statement::For(own, _, body, _) => own == name || sets_anew(body, name),
+        Statement::While(_, body, ..) => sets_anew(body, name),
+        _ => false,
+    })
+}
+
+/// True if statements set items of lists that productions change.
+pub(super) fn stores(statements: &[Statement]) -> bool {
+    statements.iter().any(|s| match s {
+        Statement::Store(_) => true,
+        Statement::If(tests, other) => tests.iter().any(|(_, then)| stores(then)) || stores(other),
+        Statement::For(_, _, body, _) | Statement::While(_, body, ..) => stores(body),
+        _ => false,
+    })
+}
+
+/// True if statements only compute: a loop of them becomes code that runs as often as it must.
 pub(super) fn only_computes(statements: &[Statement]) -> bool {
     statements.iter().all(|s| match s {
         Statement::If(tests, other) => tests.iter().all(|(_, then)| only_computes(then)) && only_computes(other),

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::bounds::Bounds;
 use super::expression::{PyExpr, UNKNOWN, mentions, substitute};
-use super::statement::{Statement, names_of, read_name};
+use super::statement::{Statement, Store, names_of, read_name, stores};
 use super::strings::PyModule;
 
 /// Limit on the statements of one execution path.
@@ -16,7 +16,9 @@ pub(super) const MAX_STEPS: usize = 20_000;
 pub(super) enum Step {
     Assign(String, PyExpr),
     Condition(PyExpr, bool),
-    /// A `while` loop whose statements only compute numbers.
+    /// Sets an item of a list that productions change.
+    Store(Store),
+    /// A `while` loop of statements that only compute.
     Loop(PyExpr, Vec<Statement>, Range<usize>),
 }
 
@@ -24,7 +26,7 @@ impl Step {
     pub fn assigns(&self, name: &str) -> bool {
         match self {
             Self::Assign(n, _) => n == name,
-            Self::Condition(..) => false,
+            Self::Condition(..) | Self::Store(..) => false,
             Self::Loop(_, body, _) => names_of(body).0.iter().any(|n| n == name),
         }
     }
@@ -33,7 +35,7 @@ impl Step {
     pub fn changes(&self, e: &PyExpr) -> bool {
         match self {
             Self::Assign(name, _) => mentions(e, name),
-            Self::Condition(..) => false,
+            Self::Condition(..) | Self::Store(..) => false,
             Self::Loop(_, body, _) => names_of(body).0.iter().any(|name| mentions(e, name)),
         }
     }
@@ -70,11 +72,21 @@ impl Way {
         self.globals.iter().filter(|g| assigns(g)).collect()
     }
 
-    /// True if the path reads a variable of this name that it does not set.
+    /// True if it changes a list of the model.
+    pub fn stores(&self) -> bool {
+        self.steps.iter().any(|step| match step {
+            Step::Store(..) => true,
+            Step::Loop(_, body, _) => stores(body),
+            Step::Assign(..) | Step::Condition(..) => false,
+        })
+    }
+
+    /// True if it reads a variable that it does not set.
     pub fn misses(&self, name: &str) -> bool {
         let is_set = self.known.contains_key(name) || self.lists.contains_key(name);
         let reads = |step: &Step| match step {
             Step::Assign(_, e) | Step::Condition(e, _) => mentions(e, name),
+            Step::Store(store) => mentions(&store.index, name) || mentions(&store.value, name),
             Step::Loop(test, body, _) => mentions(test, name) || read_name(body, name),
         };
         let is_read =

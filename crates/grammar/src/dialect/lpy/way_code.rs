@@ -9,7 +9,7 @@ use super::expression::{PyExpr, PyOp};
 use super::refusal::Refusal;
 use super::resolve::compile;
 use super::scope::has_random;
-use super::statement::{Statement, names_of};
+use super::statement::{Statement, Store, names_of, stores};
 use super::way::{Step, Way};
 use crate::code::{Bytecode, Op, UnaryOp};
 
@@ -56,7 +56,14 @@ impl LoopJumps {
     }
 }
 
-/// A `for` loop over a range, converted to a `while` loop that counts.
+/// What takes a store back: the array, and the variables that hold the position and the element before.
+struct UndoneStore {
+    array: usize,
+    index: u16,
+    old: u16,
+}
+
+/// A `for` over a range as a `while` that counts.
 pub(super) struct CountedLoop {
     /// Sets the counter and the end of the range: Python evaluates a range once, before the first iteration.
     pub begin: [Statement; 2],
@@ -93,7 +100,7 @@ impl Model<'_, '_> {
             let test = |s: &Step| match s {
                 Step::Condition(e, true) => Some(e.clone()),
                 Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
-                Step::Assign(..) | Step::Loop(..) => None,
+                Step::Assign(..) | Step::Loop(..) | Step::Store(..) => None,
             };
             let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
             return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
@@ -102,12 +109,22 @@ impl Model<'_, '_> {
         // draw the same random numbers, because they represent the same run of Python.
         let result = self.scope.local("(applies)");
         let mut ops = vec![Op::RestartDraws];
+        // Jumps of conditions that fail, each with the number of stores before it: these are taken back.
         let mut failures = Vec::new();
+        let mut undone = Vec::new();
+        let mut stored_in_loop: Option<Range<usize>> = None;
         for step in &way.steps {
             let (e, store) = match step {
                 Step::Assign(name, e) => (e, Some(name)),
                 Step::Condition(e, _) => (e, None),
+                Step::Store(store) => {
+                    undone.extend(self.store_code(store, &mut ops)?);
+                    continue;
+                }
                 Step::Loop(test, body, place) => {
+                    if stores(body) {
+                        stored_in_loop = Some(place.clone());
+                    }
                     self.loop_code(test, body, place, &mut ops)?;
                     continue;
                 }
@@ -117,13 +134,19 @@ impl Model<'_, '_> {
             match (store, step) {
                 (Some(name), _) => ops.push(Op::StoreLocal(self.scope.local(name))),
                 (None, Step::Condition(_, wanted)) => {
+                    if let Some(place) = stored_in_loop {
+                        let why = Refusal::new("a test behind a loop that changes a list of the model", place);
+                        return Err(
+                            why.remedy("write the test before the loop, or the loop into StartEach() or EndEach()")
+                        );
+                    }
                     if !wanted {
                         ops.push(Op::Unary(UnaryOp::Not));
                     }
-                    failures.push(ops.len());
+                    failures.push((ops.len(), undone.len()));
                     ops.push(Op::Pop);
                 }
-                (None, Step::Assign(..) | Step::Loop(..)) => {}
+                (None, Step::Assign(..) | Step::Loop(..) | Step::Store(..)) => {}
             }
         }
         // So far the variables are local: only the path that is taken changes those of the model.
@@ -134,8 +157,14 @@ impl Model<'_, '_> {
         ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
         let jump = ops.len();
         ops.push(Op::Pop);
-        for at in failures {
-            ops[at] = Op::JumpIfZero(ops.len());
+        // A condition that fails after some stores continues where the last of them is taken back.
+        for count in (0..=undone.len()).rev() {
+            for (at, _) in failures.iter().filter(|(_, before)| *before == count) {
+                ops[*at] = Op::JumpIfZero(ops.len());
+            }
+            if let Some(store) = count.checked_sub(1).and_then(|k| undone.get(k)) {
+                ops.extend([Op::Local(store.index), Op::Local(store.old), Op::StoreElement(store.array)]);
+            }
         }
         ops.extend([Op::Const(0.0), Op::StoreLocal(result)]);
         ops[jump] = Op::Jump(ops.len());
@@ -143,7 +172,24 @@ impl Model<'_, '_> {
         Ok((Some(self.bytecode(ops)), Some(condition)))
     }
 
-    /// Makes bytecode with the places of its loops and the functions that it calls.
+    /// Appends the store of an item of a list that productions change, and what takes it back; `None` for a name that is no such list.
+    fn store_code(&mut self, store: &Store, ops: &mut Vec<Op>) -> Result<Option<UndoneStore>, Refusal> {
+        let Some(own) = self.scope.arrays.get(&store.list).cloned() else { return Ok(None) };
+        let [index_name, old_name] = ["at", "old"].map(|word| format!("({word} {})", self.temporaries));
+        self.temporaries += 1;
+        let value = compile(&store.value, &self.scope)?;
+        let at = compile(&self.position_of(store)?, &self.scope)?;
+        append_code(ops, &at.ops);
+        let (index, old) = (self.scope.local(&index_name), self.scope.local(&old_name));
+        // The present element, for a condition behind that fails; one behind the last item is none.
+        ops.extend([Op::StoreLocal(index), Op::Local(index), Op::LoadElement(own.number), Op::StoreLocal(old)]);
+        ops.push(Op::Local(index));
+        append_code(ops, &value.ops);
+        ops.push(Op::StoreElement(own.number));
+        Ok(Some(UndoneStore { array: own.number, index, old }))
+    }
+
+    /// Code with the places of its loops and the functions that it calls.
     pub(super) fn bytecode(&self, mut ops: Vec<Op>) -> Bytecode {
         let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
         let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
@@ -211,6 +257,7 @@ impl Model<'_, '_> {
                     self.computing_code(&counted.begin, ops, jumps)?;
                     self.loop_code(&counted.test, &counted.turn, place, ops)?;
                 }
+                Statement::Store(store) => self.plain_store(store, ops)?,
                 Statement::Break(_) => {
                     jumps.breaks.push(ops.len());
                     ops.push(Op::Pop);

@@ -13,7 +13,9 @@ use super::resolve::{compile, is_list_or_vector, may_be_list, resolve};
 use super::scope::{Scope, arguments, has_random};
 use super::shapes::spread;
 use super::shared_lists::HandedOn;
-use super::statement::{Statement, call_in, changes, names_of, read_name, renamed, with_lists, without_call};
+use super::statement::{
+    Statement, Store, call_in, changes, names_of, read_name, renamed, sets_anew, stores, with_lists, without_call,
+};
 use super::strings::PyModule;
 use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way, with_known};
 use crate::code::is_zero;
@@ -73,6 +75,7 @@ fn always_reads(e: &PyExpr, part: &PyExpr) -> bool {
 /// run before the statement.
 fn check_change_of_values(s: &Statement, call: &PyExpr, function: &str, place: &Range<usize>) -> Result<(), Refusal> {
     let is_run = match s {
+        Statement::Store(store) => always_reads(&store.value, call) || always_reads(&store.index, call),
         Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
             always_reads(e, call)
         }
@@ -183,6 +186,7 @@ impl Model<'_, '_> {
                 return Err(no_value(&function, place));
             }
             Statement::Assign(name, e) => self.assign(name, e, &handed_on, &mut now),
+            Statement::Store(store) => self.store(store, &mut now)?,
             Statement::Produce(modules, ends) => {
                 self.produce(&mut now.way, &modules, ends);
                 if ends {
@@ -251,8 +255,55 @@ impl Model<'_, '_> {
         now.way.steps.push(Step::Assign(name, e));
     }
 
-    /// The choice between lists or dictionaries that an unknown index selects, and the assignment of the index to a
-    /// temporary variable; `None` for other expressions.
+    /// Sets an item of a list that productions change.
+    fn store(&mut self, store: Store, now: &mut OpenWay) -> Result<(), Refusal> {
+        let value = &store.value;
+        if let Some(list) = self.list_of(value, &now.way)
+            && let Some(stores) = self.row_stores(&store, &list)?
+        {
+            now.run_next(stores.into_iter().map(Statement::Store).collect());
+            return Ok(());
+        }
+        if self.list_of(value, &now.way).is_some() || is_dictionary(value) || is_joined_text(value) {
+            let list = &store.list;
+            let why =
+                format!("something other than a number as an item of the list '{list}', which productions change");
+            let why = Refusal::new(why, range_of(value));
+            return Err(why.remedy("keep each coordinate of points in a list of its own"));
+        }
+        // Index and value are taken now, as those of assignments are.
+        let is_plain = |e: &PyExpr| match e {
+            PyExpr::Number(_) | PyExpr::Name(..) | PyExpr::Text(..) => true,
+            PyExpr::List(both, _) => both.iter().all(|e| matches!(e, PyExpr::Number(_) | PyExpr::Name(..))),
+            _ => false,
+        };
+        let mut taken = Vec::new();
+        let mut kept = |e: PyExpr| {
+            if is_plain(&e) {
+                return e;
+            }
+            let (name, range) = (format!("(stored {})", self.temporaries), range_of(&e));
+            self.temporaries += 1;
+            taken.push(Statement::Assign(name.clone(), e));
+            PyExpr::Name(name, range)
+        };
+        let index = match store.index {
+            PyExpr::List(both, range) => PyExpr::List(both.into_iter().map(&mut kept).collect(), range),
+            index => kept(index),
+        };
+        let value = kept(store.value);
+        let store = Store { index, value, ..store };
+        if taken.is_empty() {
+            now.way.steps.push(Step::Store(store));
+        } else {
+            taken.push(Statement::Store(store));
+            now.run_next(taken);
+        }
+        Ok(())
+    }
+
+    /// The choice between lists or dictionaries that an index which is not known gives, and the assignment of the index to a variable of
+    /// this reader; `None` for any other expression.
     fn one_of_lists(&mut self, e: &PyExpr, way: &Way) -> Option<(Statement, PyExpr)> {
         let PyExpr::Index(list, index, place) = e else { return None };
         if matches!(**index, PyExpr::Call(..)) || !may_be_list(list, &self.scope) {
@@ -327,7 +378,7 @@ impl Model<'_, '_> {
         let (mut names, globals) = names_of(&body);
         // Variables of the model that the function changes keep their names.
         names.retain(|name| !globals.contains(name));
-        if !globals.is_empty() {
+        if !globals.is_empty() || stores(&body) || params.iter().any(|param| changes(&body, param)) {
             check_change_of_values(s, &call, function, place)?;
             check_own_names(&globals, function, place, way, left)?;
         }
@@ -338,13 +389,19 @@ impl Model<'_, '_> {
         // An object that the function changes is the caller's, so that it keeps the caller's name.
         let mut is_same = vec![false; params.len()];
         for ((k, param), arg) in params.iter().enumerate().zip(&args) {
+            // So is a list that the caller has made and the function changes.
+            let is_own_list = |name: &String| {
+                let list = way.lists.get(name).and_then(|list| self.list_of(list, way));
+                matches!(list, Some(PyExpr::List(..))) && changes(&body, param)
+            };
             let value = if let PyExpr::Name(name, _) = arg {
-                way.lists.get(name).or_else(|| self.scope.lists.get(name)).filter(|e| is_object(e)).map(|_| name)
+                let value = way.lists.get(name).or_else(|| self.scope.lists.get(name));
+                value.filter(|e| is_object(e) || is_own_list(name)).map(|_| name)
             } else {
                 None
             };
             if let Some(name) = value
-                && changes(&body, param)
+                && !sets_anew(&body, param)
                 && let Some(at) = names.iter().position(|n| n == param)
             {
                 own[at] = name.clone();
