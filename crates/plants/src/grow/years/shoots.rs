@@ -26,6 +26,9 @@ const SHORT_LENGTH: f32 = 0.8;
 const LONG_ENOUGH: [f32; 2] = [1.2, 2.0];
 /// Standard deviation of the kink where a side bud takes over from a dead apex, as a share of the angle of branches.
 const KINK_DEVIATION: f32 = 0.2;
+/// Length over which such a kink of the stem is distributed, m: a thick stem hides the place of a relay under later wood, which follows
+/// the chord of its pith.
+const STEM_KINK_LENGTH: f32 = 0.4;
 /// Deviation of the elevation of an axis from that of its order, as a share of the deviation of the angle at which it left its parent.
 const ELEVATION_SPREAD: f32 = 1.0;
 /// Largest deviation of that angle, in standard deviations, that the elevation follows.
@@ -54,6 +57,15 @@ struct Shoot {
     length: f32,
     /// Number of internodes into which it is divided.
     count: u16,
+}
+
+/// The turn of an axis where a side bud takes over from a dead apex.
+#[derive(Debug, Clone, Copy)]
+struct Kink {
+    /// Unit vector about which it turns, across the axis.
+    about: Vec3,
+    /// Angle, rad.
+    angle: f32,
 }
 
 /// A power of a number that is not negative; the exponents of most tables need no logarithm.
@@ -216,10 +228,10 @@ impl Tree {
             }
             None => {
                 let azimuth = self.nodes.azimuth[from] + self.divergence(order);
-                let q = self.continued_frame(from, order, season);
-                (self.nodes.axis[from], self.nodes.index[from].saturating_add(1), azimuth, q)
+                (self.nodes.axis[from], self.nodes.index[from].saturating_add(1), azimuth, self.nodes.q[from])
             }
         };
+        let kink = if shoot.bud.is_none() { self.relay_kink(from, order, season) } else { None };
         let is_short = shoot.bud.is_some() && shoot.length < self.habit.short_shoot;
 
         // Internode by internode: turn, slide along obstacles, add the node and its buds.
@@ -228,12 +240,18 @@ impl Tree {
         let light = self.scratch.cell.get(from).map_or(Vec3::Y, |cell| field.in_cell(*cell).from);
         let turns = Turns::new(&self.habit, order, self.axis_elevations[axis as usize], length, light);
         let axis_id = self.axis_ids[axis as usize];
+        // A branch bends at once, the stem over several internodes.
+        let bending = if order == 0 { internodes(STEM_KINK_LENGTH, length).min(shoot.count) } else { 1 };
+        let bend = kink.map(|kink| rotation(kink.about, kink.angle / f32::from(bending)));
         let mut parent = from;
         let mut at = self.nodes.p[from];
         let mut end_flag = flag::OPEN;
         for j in 0..shoot.count {
             let index = first_index.saturating_add(j);
             let id = osier_base::rng::child(axis_id, u64::from(index));
+            if let Some(bend) = bend.filter(|_| j < bending) {
+                q = (bend * q).normalize();
+            }
             let d = y_axis(q);
             let wanted = Step { d: turns.turn(d, &mut self.draw(id, Purpose::Wander)), length };
             let t = (f32::from(j) + 1.0) / count;
@@ -341,24 +359,23 @@ impl Tree {
         PolarDraw::new(&mut self.draw(axis_id, Purpose::Leave)).normal()
     }
 
-    /// Frame of the continuation of a tip: that of the tip or, where its apex dies and a side bud takes over, one with a kink.
-    fn continued_frame(&self, from: usize, order: usize, season: &Season) -> Quat {
-        let q = self.nodes.q[from];
+    /// Turn of the continuation of a tip where its apex dies and a side bud takes over.
+    fn relay_kink(&self, from: usize, order: usize, season: &Season) -> Option<Kink> {
         let death = f64::from(self.habit.apex_death[order]);
         if death <= 0.0 {
-            return q;
+            return None;
         }
         // The first draw of this stream gave the length of the shoot.
         let mut draw = self.tip_draw(from, season.year);
         PolarDraw::new(&mut draw);
         if !draw.chance(death) {
-            return q;
+            return None;
         }
-        let angle = season.angle[(order + 1).min(ORDERS - 1)];
-        let kink = angle * (self.habit.kink[order] + KINK_DEVIATION * PolarDraw::new(&mut draw).normal());
+        let side = season.angle[(order + 1).min(ORDERS - 1)];
+        let angle = side * (self.habit.kink[order] + KINK_DEVIATION * PolarDraw::new(&mut draw).normal());
         let azimuth = draw.unit_f32() * std::f32::consts::TAU;
-        let about = q * Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
-        (rotation(about, kink) * q).normalize()
+        let about = self.nodes.q[from] * Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
+        Some(Kink { about, angle })
     }
 
     /// Adds the buds at the end of a new internode; returns the azimuth from its first to the next node's.

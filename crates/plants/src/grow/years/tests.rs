@@ -488,6 +488,35 @@ fn a_dead_tip_gets_a_new_leader() {
     assert!((tree.scratch.main[1] - 2.0).abs() < 1e-6 && (tree.scratch.side[1] - 1.0).abs() < 1e-6);
 }
 
+/// Where a side bud takes over from the tip of the stem, the stem bends over several internodes; a branch bends at one.
+#[test]
+fn relays_bend_the_stem_over_several_internodes() {
+    let mut spec = spec(6.0);
+    for (key, values) in [
+        ("apex_death", [1.0, 1.0].as_slice()),
+        ("internode", &[0.1]),
+        ("wander", &[0.0]),
+        ("phototropism", &[0.0]),
+        ("elevation_rate", &[0.0]),
+        ("upright", &[0.0]),
+        ("sag", &[0.0]),
+    ] {
+        spec.habit.set(key, values).expect("a key");
+    }
+    let tree = grow_one(&spec).tree;
+    let nodes = &tree.nodes;
+    let bends = |order: u8| {
+        let inner = (0..nodes.len()).filter(move |i| nodes.flags[*i] & flag::MAIN != 0 && nodes.order[*i] == order);
+        inner.map(|i| {
+            let cosine = nodes.direction(i).dot(nodes.direction(nodes.parent[i] as usize));
+            math::acos_f32(cosine.clamp(-1.0, 1.0)).to_degrees()
+        })
+    };
+    let sharpest = bends(0).fold(0.0, f32::max);
+    assert!(bends(0).sum::<f32>() > 60.0 && sharpest < 15.0, "{sharpest} degrees");
+    assert!(bends(1).fold(0.0, f32::max) > 20.0);
+}
+
 /// The limbs of a stem keep the deviations of the angles at which they left it: with one elevation for all they would be parallel.
 #[test]
 fn limbs_that_leave_at_wider_angles_stay_lower() {
