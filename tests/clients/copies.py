@@ -2,7 +2,8 @@
 
 Runs under bpy (5.0). Imports into the factory file, counts objects, armatures and materials, follows the instances of the
 evaluated scene at two frames and reads the picture of the World. Prints one JSON object; the caller holds it to what it wants.
-EXPECTED: {"group": name of the instancer, "places": [[x, y, z], ...] of copies in osier's space}.
+EXPECTED: {"places": [[x, y, z], ...] of copies in osier's space, "sky": [[u, v], ...] of the picture, "copies": output of
+skinned_copies.py, or nothing}.
 """
 import json
 import resource
@@ -51,6 +52,28 @@ for number in frames:
     tips.append(reach)
 
 
+def tip_distance(copies):
+    """Largest distance of the tips of copies from where they are expected, at the frames for which they are."""
+    far = 0.0
+    for number in copies[0]["points"]:
+        scene.frame_set(int(number))
+        places = numpy.array([c["place"] for c in copies])
+        wanted = [numpy.array(c["points"][number]) for c in copies]
+        off = [numpy.inf] * len(copies)
+        for i in bpy.context.evaluated_depsgraph_get().object_instances:
+            if not i.is_instance or i.object.type != "MESH" or not i.object.name.startswith("bark"):
+                continue
+            x, y, z = i.matrix_world.translation
+            away = numpy.linalg.norm(places - (x, z, -y), axis=1)
+            k = int(away.argmin())
+            tip = int(wanted[k][:, 1].argmax())
+            if away[k] < 1e-3 and len(i.object.data.vertices) == len(wanted[k]):
+                x, y, z = i.matrix_world @ i.object.data.vertices[tip].co
+                off[k] = min(off[k], float(numpy.linalg.norm(wanted[k][tip] - (x, z, -y))))
+        far = max(far, *off)
+    return far
+
+
 def nearest(p):
     return min(sum((a - b) ** 2 for a, b in zip(p, q)) ** 0.5 for q in stands[0])
 
@@ -81,6 +104,7 @@ print(json.dumps({
     "copies": [len(s) for s in stands],
     "off": max((nearest(p) for p in wanted["places"]), default=0.0),
     "moved": [moved(tips[0], t) for t in tips[1:]],
+    "tips": tip_distance(wanted["copies"]) if wanted.get("copies") else 0.0,
     "environment": len(images),
     "sky": sky,
 }))

@@ -10,7 +10,7 @@ use crate::common::clients;
 use crate::common::grown;
 use crate::common::program::ends;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
 use glam::Vec3;
 use osier::bake::scene::SceneOptions;
@@ -37,19 +37,25 @@ fn scene(preset: &str) -> Scene {
 /// Directions of the sky that are looked at, as places in an equirectangular picture: up, down, three on the horizon.
 const LOOKS: [[f32; 2]; 5] = [[0.5, 0.02], [0.5, 0.9], [0.5, 0.45], [0.25, 0.3], [0.8, 0.48]];
 
-/// What Blender makes of a bake's USD. `group`: plant whose copies are followed.
-fn in_blender(folder: &Path, scene: &Scene, group: &str) -> Option<Value> {
+/// The last line of a script's output, as JSON.
+fn report(output: &Output) -> Value {
+    let text = String::from_utf8_lossy(&output.stdout);
+    let line = text.lines().rev().find(|l| l.starts_with(['{', '['])).expect("a report");
+    serde_json::from_str(line).expect("JSON")
+}
+
+/// What Blender makes of a bake's USD. `group`: plant whose copies are followed; `posed`: some of them as usd-core poses them, or null.
+fn in_blender(folder: &Path, scene: &Scene, group: &str, posed: &Value) -> Option<Value> {
     let python = clients::python()?;
     let of = |p: &&osier::scene::Placement| scene.assets[p.asset].group == group;
     let copies: Vec<[f32; 3]> = scene.placements.iter().filter(of).map(|p| p.transform.t.to_array()).collect();
     let ten: Vec<&[f32; 3]> = copies.iter().step_by((copies.len() / 10).max(1)).collect();
     let wanted = folder.with_extension("json");
-    std::fs::write(&wanted, json!({ "places": ten, "sky": LOOKS }).to_string()).expect("expected");
+    let expected = json!({ "places": ten, "sky": LOOKS, "copies": posed });
+    std::fs::write(&wanted, expected.to_string()).expect("expected");
     let usda = folder.join(format!("{}.usda", scene.name));
     let out = clients::python_script(&python, "copies.py", &[&usda.to_string_lossy(), &wanted.to_string_lossy()]);
-    let text = String::from_utf8_lossy(&out.stdout).into_owned();
-    let line = text.lines().rev().find(|l| l.starts_with('{')).expect("a report");
-    Some(serde_json::from_str(line).expect("JSON"))
+    Some(report(&out))
 }
 
 fn number(report: &Value, key: &str) -> f64 {
@@ -59,7 +65,20 @@ fn number(report: &Value, key: &str) -> f64 {
 #[test]
 fn blender_opens_a_meadow_of_2400_copies_and_all_sway() {
     let (folder, scene) = (baked("meadow", "meadow", &["--formats", "usd"]), scene("meadow"));
-    let Some(r) = in_blender(&folder, &scene, "grass") else { return };
+    let Some(python) = clients::python() else { return };
+    let manifest = folder.join("manifest.json");
+    let six = [&manifest.to_string_lossy(), "6", "1", "60", "119"];
+    let posed = report(&clients::python_script(&python, "skinned_copies.py", &six));
+    let Some(r) = in_blender(&folder, &scene, "grass", &posed) else { return };
+    // USD turns instances by quaternions of half precision.
+    assert!(number(&r, "tips") > 0.0 && number(&r, "tips") < 1e-4, "{r}");
+    let expected = folder.with_extension("copies.json");
+    std::fs::write(&expected, posed.to_string()).expect("expected");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("blender/tests/copies.py");
+    let imported = report(&clients::run(Command::new(&python).arg(script).arg(&manifest).arg(&expected)));
+    assert!(number(&imported, "off") < 1e-5, "copies of the importer: {imported}");
+    let swaying = imported["moved"].as_array().expect("six copies");
+    assert!(swaying.len() == 6 && swaying.iter().all(|m| m.as_f64().is_some_and(|m| m > 0.01)), "{imported}");
     assert!(number(&r, "seconds") < 10.0 && number(&r, "gigabytes") < 2.0, "{r}");
     assert!(number(&r, "armatures") <= 200.0 && number(&r, "meshes") <= 200.0, "{r}");
     assert_eq!(r["copies"], json!([2400, 2400]), "{r}");
@@ -71,7 +90,7 @@ fn blender_opens_a_meadow_of_2400_copies_and_all_sway() {
 #[test]
 fn blender_opens_the_showcase_with_few_objects_and_its_sky() {
     let (folder, scene) = (baked("showcase", "showcase", &["--formats", "usd"]), scene("showcase"));
-    let Some(r) = in_blender(&folder, &scene, "grass") else { return };
+    let Some(r) = in_blender(&folder, &scene, "grass", &Value::Null) else { return };
     assert!(number(&r, "seconds") < 10.0 && number(&r, "objects") < 150.0, "{r}");
     assert!(number(&r, "off") < 1e-3 && number(&r, "environment") >= 1.0, "{r}");
     for (at, seen) in LOOKS.iter().zip(r["sky"].as_array().expect("pixels")) {
@@ -112,7 +131,7 @@ fn cycles_renders_the_sky_of_the_showcase() {
 #[test]
 fn blender_opens_a_wood_of_a_hundred_trees() {
     let (folder, scene) = (baked("birch-wood", "birch-wood", &["--formats", "usd"]), scene("birch-wood"));
-    let Some(r) = in_blender(&folder, &scene, "birch") else { return };
+    let Some(r) = in_blender(&folder, &scene, "birch", &Value::Null) else { return };
     assert_eq!(r["copies"], json!([100, 100]), "{r}");
     assert!(number(&r, "seconds") < 20.0 && number(&r, "off") < 1e-3, "{r}");
 }
