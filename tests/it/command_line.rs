@@ -497,7 +497,7 @@ fn foreign_files_are_left_alone_without_force() {
     ends(0, &["grow", SCENE, "-o", arg(&glb)]);
     let (out, plain) = (dir.path().join("out"), dir.path().join("plain"));
     ends(0, &["bake", SCENE, "-o", arg(&plain)]);
-    for name in ["manifest.json", ".osier", "sprig.usda", "pov/main.pov", "textures/sprig_bark_color.png"] {
+    for name in ["manifest.json", ".osier", "sprig.usda", "pov/main.pov", "textures/sprig_shoot_color.png"] {
         let path = out.join(name);
         fs::create_dir_all(path.parent().expect("folder")).expect("folder");
         fs::write(&path, "mine").expect("write");
