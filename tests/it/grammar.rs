@@ -435,6 +435,7 @@ proptest! {
 }
 
 #[test]
+#[allow(clippy::disallowed_methods, reason = "the file is read as another program reads it")]
 fn plants_of_fractional_steps_lie_between_those_of_whole_ones() {
     let folder = tempfile::tempdir().expect("a folder");
     let height = |steps: &str| {

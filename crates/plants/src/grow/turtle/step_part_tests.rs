@@ -1,6 +1,7 @@
 //! Plants of fractional numbers of steps change without jumps.
 
 use osier_base::limits::Limits;
+use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{DeriveOptions, Grammar};
 use osier_scene::plant::Plant;
@@ -72,7 +73,7 @@ fn a_step_begins_and_ends_without_a_jump() {
         for part in [1e-2_f64, 1e-3] {
             let (begins, ends) =
                 (plant(&g, angle, steps + 1, Some(part)), plant(&g, angle, steps + 1, Some(1.0 - part)));
-            let most = 8.0 * osier_base::math::narrow(part) * size(&after);
+            let most = 8.0 * math::narrow(part) * size(&after);
             assert!(distance(&begins, &before) < most && distance(&before, &begins) < most, "{name} begins, {part}");
             assert!(distance(&ends, &after) < most && distance(&after, &ends) < most, "{name} ends, {part}");
         }
@@ -93,13 +94,13 @@ fn parts_of_a_step_have_the_lengths_and_angles_of_the_rules() {
         assert!((f64::from(*s) - quarter * k as f64).abs() < 1e-6, "{s}");
     }
     let direction = (half.nodes.p[2] - half.nodes.p[1]).normalize();
-    assert!((direction.y - radians(30.0).cos() as f32).abs() < 1e-6, "{direction}");
+    assert!((f64::from(direction.y) - math::cos(radians(30.0))).abs() < 1e-6, "{direction}");
     // A parameter moves from its old to its new value; a segment that the step removes shrinks.
     let g = grammar("Axiom: F(1)+(10)G(1)\n+(a) --> +(a+20)\nG(l) --> *\n");
     let third = plant(&g, 0.0, 1, Some(0.25));
     let direction = (third.nodes.p[2] - third.nodes.p[1]).normalize();
     assert!((third.nodes.s[2] - 1.75).abs() < 1e-6);
-    assert!((f64::from(direction.y) - radians(15.0).cos()).abs() < 1e-6, "{direction}");
+    assert!((f64::from(direction.y) - math::cos(radians(15.0))).abs() < 1e-6, "{direction}");
 }
 
 #[test]
