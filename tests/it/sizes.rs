@@ -687,7 +687,7 @@ fn pictures_of_files_are_predicted_in_their_own_size() {
     image::RgbImage::new(64, 64).save(folder.join("bark.png")).expect("picture");
     std::fs::write(folder.join("tree.obj"), textured_tube()).expect("tree");
     std::fs::write(folder.join("tree.mtl"), "newmtl bark\nKd 1 1 1\nmap_Kd bark.png\n").expect("materials");
-    let grown = "species = \"birch\"\nage = 3\nshoot.side = 16\nleaf.side = 16\nbark.texture = \"bark.png\"\n";
+    let grown = "species = \"birch\"\nage = 8\nshoot.side = 16\nleaf.side = 16\nbark.texture = \"bark.png\"\n";
     for (name, plant) in [("mesh", "mesh = \"tree.obj\"\n"), ("bark", grown)] {
         let file = folder.join(format!("{name}.toml"));
         std::fs::write(&file, format!("[ground]\nshow = false\n[plants.t]\n{plant}")).expect("scene");

@@ -528,7 +528,7 @@ fn bytes_in(folder: &Path) -> f64 {
     entries.map(size).sum()
 }
 
-/// What a dry run tells of the files of rain, which come from drops that fall, gather and run: within a factor of 1.8. It counts as many
+/// What a dry run tells of the files of rain, which come from drops that fall, gather and run: within a factor of 1.9. It counts as many
 /// drops as a frame may show, and few lie on the leaves yet in the first frames of a storm.
 #[test]
 fn the_size_of_rain_that_is_told_is_about_what_is_written() {
@@ -545,7 +545,7 @@ fn the_size_of_rain_that_is_told_is_about_what_is_written() {
         assert_eq!(code, 0, "{args:?}: {said}");
         let written = bytes_in(&dir.path().join(name));
         println!("{args:?}: told {:.0} MB, written {:.0} MB", told / 1e6, written / 1e6);
-        assert!((1.0 / 1.8..1.8).contains(&(told / written)), "{args:?}: told {told}, written {written}");
+        assert!((1.0 / 1.9..1.9).contains(&(told / written)), "{args:?}: told {told}, written {written}");
     }
 }
 
