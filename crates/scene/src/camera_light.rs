@@ -37,7 +37,7 @@ impl Camera {
     }
 
     /// Fits a box into the picture: three-quarter view, the camera looking about 10 degrees down. The corner of the box that
-    /// projects farthest from the middle of the picture lies [`Self::FILL`] of the way to the edge.
+    /// projects farthest from the middle of the picture lies `FILL` of the way to the edge.
     /// `bounds`: world box, m; `aspect`: width / height; `vfov`, `roll`: rad.
     pub fn framing(bounds: osier_base::geometry::Bounds, aspect: f32, vfov: f32, roll: f32) -> Self {
         let pitch = osier_base::units::radians_f32(10.0);
