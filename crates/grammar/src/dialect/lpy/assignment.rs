@@ -10,10 +10,9 @@ use super::expression::{
     joined_text_refusal, mentions,
 };
 use super::lines::Line;
-use super::objects::{AttributeTarget, attribute_target};
 use super::parser::parse;
-use super::pieces::{assignment, bracketed, inside, is_name, method_call, split};
-use super::refusal::Refusal;
+use super::pieces::{AttributeTarget, assignment, attribute_target, bracketed, inside, is_name, method_call, split};
+use super::refusal::{Refusal, nested_change};
 use super::scope::Scope;
 use super::statement::{DIRECTION, GROUP, Statement};
 use crate::dialect::text::Piece;
@@ -53,12 +52,6 @@ impl<'t> ItemChange<'t> {
         let value = rest.from(length).trimmed();
         (op.is_some() || is_set).then_some(Self { name, index, column, is_nested, op: op.map(|(_, op)| op), value })
     }
-}
-
-/// The refusal of a change of an item within a list of lists.
-pub(super) fn nested_change(range: Range<usize>) -> Refusal {
-    let why = Refusal::new("a change of an item within a list of lists", range);
-    why.remedy("change the inner list under a name of its own, then set the whole item: q[0] = p")
 }
 
 /// The assignments, of names and values, that a line makes which changes a list; `None` for any other line.

@@ -113,6 +113,7 @@ impl Model<'_, '_> {
     ) -> Result<(Vec<Statement>, usize), Refusal> {
         let Some(line) = block.get(i) else { return Ok((body, i + 1)) };
         let refused = |what: &str, place: Range<usize>| Err(Refusal::new(what, place));
+        // The blocks that follow at the indent of `try`: handlers, `else` and `finally`.
         let mut next = block_after(block, i, line.indent).1;
         let mut parts = Attempt::default();
         while let Some(more) = block.get(next).filter(|more| more.indent == line.indent) {

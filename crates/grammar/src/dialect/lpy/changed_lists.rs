@@ -8,15 +8,15 @@ use std::rc::Rc;
 use osier_base::convert::saturating_index;
 
 use super::Model;
-use super::arrays::{ChangedList, Row};
-use super::assignment::{change_of, nested_change};
+use super::arrays::{ChangedList, ELEMENT, ListRow};
+use super::assignment::change_of;
 use super::emit::{append_code, constant_of};
 use super::expression::{DICTIONARY, IN, ListChange, PyExpr, PyOp, SLICE, is_nothing, plain_name, range_of};
 use super::lines::{Line, block_after};
 use super::pieces::{assignment, block_colon, heads_block, is_name, split, statements_of_line};
-use super::refusal::Refusal;
+use super::refusal::{Refusal, nested_change};
 use super::resolve::{compile, may_be_list, resolve};
-use super::scope::{RUN, RunFunction, Scope, has_random};
+use super::scope::{RUN, RunFunction, Scope, has_random, slot_number};
 use super::statement::{Statement, Store};
 use super::vectors::{coordinates_of, dimension, vector};
 use crate::code::{ArrayShape, BinaryOp, ElementAccess, Op};
@@ -30,17 +30,14 @@ const MAX_LENGTH: usize = 8_192;
 /// Most lists that change. Own: each is looked for in all lines of the model.
 const MAX_LISTS: usize = 64;
 
-/// Prefix of the name of the call that stands for an element of such a list, by an index that is in its list or -1.
-pub(super) const ELEMENT: &str = "(element) ";
-
 /// Name of the call that stands for the position of a key in such a dictionary; no function has it.
 const POSITION: &str = "(position)";
 
 /// What the items of a list are by an expression that need not be resolved; `None` for one that may be a number.
-fn row_of(e: &PyExpr) -> Option<Row> {
+fn row_of(e: &PyExpr) -> Option<ListRow> {
     match e {
-        PyExpr::List(items, _) if !items.is_empty() => Some(Row { width: items.len(), is_vector: false }),
-        PyExpr::Call(name, ..) => dimension(name).map(|width| Row { width, is_vector: true }),
+        PyExpr::List(items, _) if !items.is_empty() => Some(ListRow { width: items.len(), is_vector: false }),
+        PyExpr::Call(name, ..) => dimension(name).map(|width| ListRow { width, is_vector: true }),
         _ => None,
     }
 }
@@ -78,7 +75,7 @@ struct ListNames {
     /// Names that blocks change as lists.
     changed: BTreeSet<String>,
     /// What the items are that they get.
-    rows: BTreeMap<String, Row>,
+    rows: BTreeMap<String, ListRow>,
 }
 
 impl ListNames {
@@ -178,10 +175,7 @@ impl Model<'_, '_> {
         self.scope.array_slots = names.len() * length;
         let elements = names.into_iter().enumerate().map(|(k, (name, place))| ElementAccess {
             // Below 65,536, as all together have fewer elements.
-            shape: ArrayShape {
-                first: u16::try_from(k * length).unwrap_or(u16::MAX),
-                sizes: vec![saturating_index(length)],
-            },
+            shape: ArrayShape { first: slot_number(k * length), sizes: vec![saturating_index(length)] },
             name,
             place,
         });
@@ -529,7 +523,7 @@ pub(super) fn position(
 fn key_position(name: &str, keys: usize, key: PyExpr, scope: &Scope, range: &Range<usize>) -> PyExpr {
     let length = PyExpr::Name(length_name(name), range.clone());
     let args = vec![PyExpr::Number(0.0), PyExpr::Number(-1.0), length, key];
-    run(Search::Key, name, keys, args, scope, range)
+    run(Search::Key, keys, args, scope, range)
 }
 
 /// The item at a position of what a loop goes over: a list, or the keys, values or both of a dictionary. `None` for anything else.
@@ -547,7 +541,7 @@ pub(super) fn turn_item(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Ra
 }
 
 /// The element of a column of the row at a position. A column outside of the row is at -1, which the machine reports.
-fn cell(at: &PyExpr, column: &PyExpr, row: Row, scope: &Scope) -> PyExpr {
+fn cell(at: &PyExpr, column: &PyExpr, row: ListRow, scope: &Scope) -> PyExpr {
     let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
     let width = PyExpr::Number(f64::from(saturating_index(row.width)));
     let known = constant_of(column, scope);
@@ -623,7 +617,7 @@ pub(super) fn call(
     let zero = || PyExpr::Number(0.0);
     let resolved = |k: usize| resolve(args.get(k).unwrap_or(&PyExpr::Number(0.0)), scope, depth);
     let at_least_zero = |at: &PyExpr| PyExpr::Binary(PyOp::Ge, Box::new(at.clone()), Box::new(zero()));
-    let all = |search: Search| run(search, name, list.number, vec![zero(), zero(), length()], scope, range);
+    let all = |search: Search| run(search, list.number, vec![zero(), zero(), length()], scope, range);
     if list.row.is_some() && !matches!(function, "len" | "bool") {
         return Some(Err(whole_refusal(name, range.clone())));
     }
@@ -635,7 +629,7 @@ pub(super) fn call(
         ("max", None, 1) => Ok(all(Search::Greatest)),
         (IN, None, 2) => resolved(0).map(|value| {
             let args = vec![zero(), PyExpr::Number(-1.0), length(), value];
-            at_least_zero(&run(Search::Key, name, list.number, args, scope, range))
+            at_least_zero(&run(Search::Key, list.number, args, scope, range))
         }),
         (IN, Some(keys), 2) => resolved(0).map(|key| at_least_zero(&key_position(name, keys, key, scope, range))),
         (POSITION, Some(keys), 2) => resolved(1).map(|key| key_position(name, keys, key, scope, range)),
@@ -660,8 +654,8 @@ enum Search {
 }
 
 /// A call of code that goes through all items of a list. Its parameters are its variables: position, result, length, value.
-fn run(search: Search, name: &str, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &Range<usize>) -> PyExpr {
-    let own = format!("{search:?} of {name}");
+fn run(search: Search, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &Range<usize>) -> PyExpr {
+    let own = format!("{search:?} of array {array}");
     if scope.run_index(&own).is_none() {
         let binary = |op| Op::Binary(op, usize::MAX);
         let item = [Op::Local(0), Op::LoadElement(array)];
@@ -696,12 +690,6 @@ fn run(search: Search, name: &str, array: usize, args: Vec<PyExpr>, scope: &Scop
         });
     }
     PyExpr::Call(format!("{RUN}{own}"), args, range.clone())
-}
-
-/// True for a text with a call of an element.
-pub(super) fn array_of(call: &str, scope: &Scope) -> Option<usize> {
-    let name = call.strip_prefix(ELEMENT)?;
-    scope.arrays.get(name).map(|list| list.number)
 }
 
 /// True for such a list, or the keys, values or items of such a dictionary: a loop over it counts its turns.

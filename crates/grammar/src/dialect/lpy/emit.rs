@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::changed_lists::array_of;
+use super::arrays::array_of;
 use super::expression::{
     APPLY, DICTIONARY, MAX_OPS, NONE, OBJECT, PyExpr, PyOp, is_joined_text, joined_text_refusal, plain_name, range_of,
 };
@@ -415,11 +415,11 @@ fn emit_call(
         _ if is_joined_text(&PyExpr::Call(name.to_owned(), args.to_vec(), range.clone())) => {
             return Err(joined_text_refusal(range.clone()));
         }
-        _ if array_of(name, scope).is_some() => {
+        _ if array_of(name, &scope.arrays).is_some() => {
             for arg in args {
                 emit(arg, scope, ops)?;
             }
-            ops.extend(array_of(name, scope).map(Op::LoadElement));
+            ops.extend(array_of(name, &scope.arrays).map(Op::LoadElement));
         }
         _ if name == OBJECT => {
             let why = Refusal::new("an object where a number is expected", range.clone());

@@ -4,10 +4,9 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
-use super::assignment::nested_change;
 use super::emit::constant_of;
 use super::expression::{ListChange, MAX_LOOKUP, MAX_OPS, PyExpr, PyOp, is_nothing, size_with};
-use super::refusal::Refusal;
+use super::refusal::{Refusal, nested_change};
 use super::scope::{Scope, has_random};
 use crate::code::is_zero;
 

@@ -9,7 +9,9 @@ use super::expression::{ATTRIBUTE, METHOD, OBJECT, PyExpr, is_object, substitute
 use super::lines::{Line, block_after};
 use super::param_shape::{Class, ParamShape};
 use super::parser::parse;
-use super::pieces::{FunctionHead, assignment, closing, function_head, is_name, is_rule, parameters_of_modules, split};
+use super::pieces::{
+    FunctionHead, assignment, attribute_target, closing, function_head, is_name, is_rule, parameters_of_modules, split,
+};
 use super::refusal::Refusal;
 use super::scope::{Scope, arguments, has_random};
 use super::strings::spell;
@@ -153,28 +155,6 @@ fn with_own(e: &PyExpr, own: &str, fields: &[(String, PyExpr)]) -> PyExpr {
         return value.clone();
     }
     with_parts(e, &|a| with_own(a, own, fields))
-}
-
-/// The target of `p.field = value` or `p.field += value`: object name, attribute, and the rest of the line.
-pub(super) struct AttributeTarget<'t> {
-    pub object: Piece<'t>,
-    pub field: &'t str,
-    /// The rest of the line, from the operator on.
-    pub rest: Piece<'t>,
-}
-
-/// The attribute that a line sets; `None` for other lines.
-pub(super) fn attribute_target(piece: Piece<'_>) -> Option<AttributeTarget<'_>> {
-    let dot = piece.text.find('.')?;
-    let object = piece.up_to(dot).trimmed();
-    let after = piece.from(dot + 1);
-    let n = after.text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(after.text.len());
-    let (field, rest) = (after.up_to(n).text, after.from(n).trimmed());
-    let sets = rest.text.find('=').is_some_and(|i| {
-        let sign = rest.text[..i].trim();
-        !rest.text[i..].starts_with("==") && (sign.is_empty() || sign.chars().all(|c| "+-*/%".contains(c)))
-    });
-    (is_name(object.text) && is_name(field) && sets).then_some(AttributeTarget { object, field, rest })
 }
 
 impl Model<'_, '_> {

@@ -223,3 +223,25 @@ pub(super) fn is_seed(piece: Piece<'_>) -> bool {
     let is_path = name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '.'));
     is_path && name.rsplit('.').next() == Some("seed")
 }
+
+/// The target of `p.field = value` or `p.field += value`: object name, attribute, and the rest of the line.
+pub(super) struct AttributeTarget<'t> {
+    pub object: Piece<'t>,
+    pub field: &'t str,
+    /// The rest of the line, from the operator on.
+    pub rest: Piece<'t>,
+}
+
+/// The attribute that a line sets; `None` for other lines.
+pub(super) fn attribute_target(piece: Piece<'_>) -> Option<AttributeTarget<'_>> {
+    let dot = piece.text.find('.')?;
+    let object = piece.up_to(dot).trimmed();
+    let after = piece.from(dot + 1);
+    let n = after.text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(after.text.len());
+    let (field, rest) = (after.up_to(n).text, after.from(n).trimmed());
+    let sets = rest.text.find('=').is_some_and(|i| {
+        let sign = rest.text[..i].trim();
+        !rest.text[i..].starts_with("==") && (sign.is_empty() || sign.chars().all(|c| "+-*/%".contains(c)))
+    });
+    (is_name(object.text) && is_name(field) && sets).then_some(AttributeTarget { object, field, rest })
+}

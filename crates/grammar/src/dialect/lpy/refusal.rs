@@ -38,3 +38,9 @@ pub(super) fn indented_refusal(piece: Piece<'_>) -> Refusal {
     let why = Refusal::new("an indented line behind a line that heads no block", piece.range());
     why.remedy("begin it where the line before it begins")
 }
+
+/// The refusal of a change of an item within a list of lists.
+pub(super) fn nested_change(range: Range<usize>) -> Refusal {
+    let why = Refusal::new("a change of an item within a list of lists", range);
+    why.remedy("change the inner list under a name of its own, then set the whole item: q[0] = p")
+}

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use osier_base::diagnostic::{SourceId, Span};
 
-use super::arrays::{ChangedList, Row};
+use super::arrays::{ChangedList, ListRow};
 use super::curve_table::Curves;
 use super::expression::{MAX_OPS, METHOD, PyExpr, size_with, substitute, times_read, with_parts};
 use super::param_shape::{Class, ParamShape};
@@ -60,7 +60,7 @@ pub(super) struct Scope {
     /// Those of them that are arrays of the machine, as blocks see them; empty until the values of the model are known.
     pub arrays: BTreeMap<String, ChangedList>,
     /// What the items of those of them are that hold lists or vectors, as the text tells.
-    pub rows: BTreeMap<String, Row>,
+    pub rows: BTreeMap<String, ListRow>,
     /// The arrays, in the order of their numbers. Their elements are the first global variables.
     pub elements: Rc<Vec<ElementAccess>>,
     pub array_slots: usize,
@@ -187,7 +187,7 @@ impl Scope {
 
 /// The slot for an index. Indices above 65,535 get the last slot, in which `Scope::slot` finds no variable, so that each use
 /// is refused.
-fn slot_number(i: usize) -> u16 {
+pub(super) fn slot_number(i: usize) -> u16 {
     u16::try_from(i).unwrap_or(u16::MAX)
 }
 
