@@ -210,6 +210,8 @@ pub(super) struct Turtle<'a> {
     commands: Vec<Command>,
     /// How far the module that is drawn has grown.
     pub(super) growth: ModuleGrowth,
+    /// Steps that the last step of the derivation removes have been made before modules below this index of the string.
+    removed_before: usize,
     pub(super) symbols: Vec<char>,
     pub(super) s: TurtleState,
     stack: Vec<TurtleState>,
@@ -308,6 +310,7 @@ impl<'a> Turtle<'a> {
             pending: PendingNumber::default(),
             commands: (0_u16..).zip(&symbols).map(|(i, c)| command(i, *c)).collect(),
             growth: ModuleGrowth::WHOLE,
+            removed_before: 0,
             bindings,
             symbols,
             s,
@@ -402,7 +405,7 @@ impl<'a> Turtle<'a> {
 
     /// Draws the segments and moves that the last derivation step removes, up to the module of this index: they shrink in place.
     pub fn removed_steps(&mut self, index: usize, growth: &StepGrowth, before: &ModuleString) {
-        let first = std::mem::replace(&mut self.index, index + 1);
+        let first = std::mem::replace(&mut self.removed_before, index + 1);
         let from = growth.removed.partition_point(|removed| removed.at < first);
         for removed in growth.removed[from..].iter().take_while(|removed| removed.at <= index) {
             self.growth = growth.of_removed;
