@@ -272,7 +272,7 @@ fn points_on_a_tree_grow_with_it() {
         let motion = scene.animated.motions[0].clone().expect("it grows");
         // The end of the trunk: arc lengths beyond it are clamped.
         let end = PointOnAxis { position: Vec3::ZERO, axis: 0, arc_length: 1e3 };
-        let carried = motion.carry_points(&Plant::default(), &[end]).expect("it carries points");
+        let carried = motion.bind_points(&Plant::default(), &[end]).expect("it carries points");
         let height = |number: u32| {
             carried.positions(FrameTime::of_frame(&scene.animated.scene, number)).expect("positions")[0].y
         };

@@ -106,7 +106,7 @@ fn ask(wind: &dyn Wind, places: &[Vec3], t: f64) -> Vec<Vec3> {
 
 /// Checks that all users sampled, within their times, and that what they saw is the scene's field; prints the largest difference.
 fn check(name: &str, observed: &Observed, users: &[(WindUser, [f64; 2])], folder: &Path) {
-    let field = observed.wind.field(WindUser::Sway).expect("a wind");
+    let field = observed.wind.wind_at_all_times(WindUser::Sway).expect("a wind");
     let mut worst = 0.0_f32;
     for (user, [first, last]) in users {
         let samples = observed.samples.get(user).map_or(&[][..], Vec::as_slice);
@@ -175,12 +175,12 @@ fn all_parts_of_a_scene_are_in_one_wind() {
             let folder = dir.path().join(format!("{name}-{label}-flight"));
             let observed = bake(&scene_text(name, wind, sway, FLIGHT), &folder, &Limits::default());
             if name == "calm" {
-                assert!(observed.wind.field(WindUser::Sway).is_none(), "{label}");
+                assert!(observed.wind.wind_at_all_times(WindUser::Sway).is_none(), "{label}");
                 let still = observed.samples.values().flatten().all(|s| s.velocity == Vec3::ZERO);
                 assert!(still && observed.samples.contains_key(&WindUser::Flight), "{label}");
                 continue;
             }
-            let field = observed.wind.field(WindUser::Sway).expect("a wind");
+            let field = observed.wind.wind_at_all_times(WindUser::Sway).expect("a wind");
             let steady = name == "uniform";
             assert_eq!(field.period(), if steady { Some(0.0) } else { period }, "{name_and_label}");
             check(&format!("{name_and_label}, catkins"), &observed, &flight_users(period), &folder);
@@ -205,7 +205,7 @@ fn a_stepped_lattice_is_the_recorded_one() {
     let text = scene_text("lattice", LATTICE, "repeat = false", &FLIGHT.replace("40", "600"));
     let observed = bake(&text, dir.path(), &few);
     assert!(observed.wind.recorded_bytes() < 8_000_000);
-    let field = observed.wind.field(WindUser::Sway).expect("a wind");
+    let field = observed.wind.wind_at_all_times(WindUser::Sway).expect("a wind");
     // Catkins that fly among the plants.
     let near = |s: &&Sample| s.place.x.abs() < 1.5 && s.place.z.abs() < 1.0 && s.place.y < 2.5;
     let flown: Vec<Sample> = observed.samples[&WindUser::Flight].iter().filter(near).copied().collect();

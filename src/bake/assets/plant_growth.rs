@@ -177,7 +177,7 @@ fn grow_from_source(
         }
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
-    let derived = derive_individual(recipe, grammar, individual, set, context)?;
+    let derived = derive_string(recipe, grammar, individual, set, context)?;
     // Neither derivation nor interpretation checks for cancellation within.
     context.cancel.check()?;
     let mut report = Report { sources: grammar.sources().clone(), output: derived.output.clone(), ..Report::default() };
@@ -192,7 +192,7 @@ fn grow_from_source(
 /// Derives the string of one individual. `set`: the organs of its plant, which queries about the turtle's position may need.
 /// # Errors
 /// `Input` with the faults of the derivation.
-fn derive_individual(
+fn derive_string(
     recipe: &PlantRecipe,
     grammar: &Grammar,
     individual: &Individual,

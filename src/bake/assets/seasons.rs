@@ -135,7 +135,7 @@ pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u6
         let mut materials = BTreeMap::new();
         let colors = colors_between(&habit, between);
         for base in leaves {
-            add_colors(set, plant, recipe, &name, base, &habit, &colors, seed, &mut materials)?;
+            add_colored_materials(set, plant, recipe, &name, base, &habit, &colors, seed, &mut materials)?;
         }
         let length = recipe.keys.bud.unwrap_or(outline_year(recipe.keys.blade).bud);
         // All organs of the plant share one material of buds, which is made for the first that has any.
@@ -252,7 +252,7 @@ fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> Le
 }
 
 /// Adds to `set` a copy of the material `base` for each of `colors`, and records its index in `materials`.
-fn add_colors(
+fn add_colored_materials(
     set: &mut MaterialSet,
     plant: &PlantRecipe,
     recipe: &OrganRecipe,
@@ -349,7 +349,7 @@ pub struct SeasonClip {
 
 impl SeasonClip {
     /// Season at a share of the time from the first frame (0) to the last (1), shifted by the lead of the individual.
-    pub fn season(&self, share: f64) -> f32 {
+    pub fn season_at_share(&self, share: f64) -> f32 {
         narrow(shift_season(self.course.at(share), self.difference))
     }
 }

@@ -145,7 +145,7 @@ impl AssetMotion for GrowthMotion {
         true
     }
 
-    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+    fn bind_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         let sites = points.iter().map(|point| GrowthBinding { axis: point.axis, s: point.arc_length }).collect();
         Some(Arc::new(PointsOnGrowth { motion: self, sites }))
     }

@@ -144,7 +144,7 @@ pub trait AssetMotion: Debug + Send + Sync {
 
     /// Binds points of the asset's plant to this motion; `None` if the motion carries none. Times before the clip are those of its
     /// first frame, unless the motion repeats.
-    fn carry_points(self: Arc<Self>, _plant: &Plant, _points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+    fn bind_points(self: Arc<Self>, _plant: &Plant, _points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         None
     }
 

@@ -229,8 +229,8 @@ impl<'a> ConnectedRods<'a> {
         for (k, rod) in self.members.iter().enumerate() {
             let (tip, length) = (DVec3::from_array(rod.keys.launch), self.descriptions[k].spline_length());
             if tip != DVec3::ZERO {
-                for i in self.rods.sections(k) {
-                    self.rods.set_linear_velocity(i, tip * (self.rods.arc_length(i) / length));
+                for i in self.rods.sections_of_rod(k) {
+                    self.rods.set_section_velocity(i, tip * (self.rods.arc_length(i) / length));
                 }
             }
         }
@@ -247,7 +247,7 @@ impl<'a> ConnectedRods<'a> {
             report.push(Diagnostic::about("S041", text).help("take integrator = \"xpbd\", or raise substeps"));
         }
         for (k, rod) in self.members.iter().enumerate() {
-            let lost = self.rods.torsion_softening(k);
+            let lost = self.rods.torsional_softening_ratio(k);
             // A rod that nothing twists needs no warning.
             let turns =
                 |l: &RodLoadKeys| l.kind == RodLoadKind::Wrench && l.keyframes.iter().any(|k| k[4..] != [0.0; 3]);
@@ -364,7 +364,7 @@ impl<'a> ConnectedRods<'a> {
             let (p, q) = (f.p.as_vec3(), f.rotation().as_quat().normalize());
             Ok(TubeSection { joint: joint(on)?, p, q, r: math::narrow(self.members[k].keys.radius[0]) })
         });
-        let own = self.rods.sections(k).map(|i| {
+        let own = self.rods.sections_of_rod(k).map(|i| {
             let (p, q) = self.rest_transform(i);
             Ok(TubeSection { joint: joint(i)?, p, q, r: math::narrow(self.rods.radius(i)) })
         });

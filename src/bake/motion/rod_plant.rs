@@ -236,9 +236,9 @@ fn petiole_mesh(
         let Some(rod) = plant_rods.leaf_stalk(*leaf) else { continue };
         // The tube starts on the section of the stem that carries the petiole, and continues along the sections of the petiole.
         let base = rods.base_attachment(rod).map(|(on, frame)| (on, binding.to_asset_frame(&frame)));
-        let own = rods.sections(rod).map(|i| (i, binding.rest[i]));
+        let own = rods.sections_of_rod(rod).map(|i| (i, binding.rest[i]));
         let sections: Vec<(usize, (Vec3, Quat))> = base.into_iter().chain(own).collect();
-        let radius = rods.sections(rod).next().map_or(0.0, |i| narrow(rods.radius(i)) / binding.transform.s.x);
+        let radius = rods.sections_of_rod(rod).next().map_or(0.0, |i| narrow(rods.radius(i)) / binding.transform.s.x);
         let tube_section = |(k, (_, (p, q))): (usize, &(usize, (Vec3, Quat)))| {
             Ok(TubeSection { joint: convert::narrow(k, "sections of a petiole")?, p: *p, q: *q, r: radius })
         };
@@ -285,7 +285,7 @@ impl RodBinding {
             let joint = if i + 1 < max_joints.max(1) {
                 binding.jointed.push(i);
                 convert::narrow(i + 1, "joints of a plant")?
-            } else if i == rods.sections(rod).start {
+            } else if i == rods.sections_of_rod(rod).start {
                 rods.base_attachment(rod).map_or(0, |(on, _)| binding.joints[on])
             } else {
                 previous
@@ -546,7 +546,7 @@ impl AssetMotion for RodPlantMotion {
         self.evaluate(time.index(), |rods| self.binding.pose_asset(asset, rods.rods(), rods))
     }
 
-    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+    fn bind_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         let bind = |point: &PointOnAxis| {
             let nearest = self.start.section_blend_at(point.axis, f64::from(point.arc_length));
             (point.position, VertexBinding { sections: nearest.sections, share: narrow(nearest.share) })

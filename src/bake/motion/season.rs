@@ -35,14 +35,14 @@ impl SeasonMotion {
         for (instancer, organs) in asset.instancers.iter_mut().zip(&self.organs) {
             instancer.motion = InstancerMotion::Free;
             let kept = std::mem::take(&mut instancer.rest.attributes);
-            instancer.rest = self.state(organs, 0.0);
+            instancer.rest = self.instancer_state(organs, 0.0);
             instancer.rest.attributes.extend(kept.into_iter().filter(|a| a.name != LEAF_COLOR));
         }
     }
 
     /// State of an instancer at a share of the clip, 0..1: transforms, visibility, sizes and leaf colours.
-    fn state(&self, organs: &[usize], share: f64) -> InstanceState {
-        let season = self.season.season(share);
+    fn instancer_state(&self, organs: &[usize], share: f64) -> InstanceState {
+        let season = self.season.season_at_share(share);
         let (mut state, mut colors) = (InstanceState::default(), Vec::with_capacity(organs.len()));
         for number in organs {
             let organ = &self.plant.organs[*number];
@@ -63,7 +63,7 @@ impl AssetMotion for SeasonMotion {
     fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
         let share = if self.seconds > 0.0 { (time.seconds / self.seconds).clamp(0.0, 1.0) } else { 0.0 };
         let state = |i: usize| match self.organs.get(i) {
-            Some(organs) => InstancerFrame::State(self.state(organs, share)),
+            Some(organs) => InstancerFrame::State(self.instancer_state(organs, share)),
             None => InstancerFrame::Same,
         };
         Ok(AssetFrame {

@@ -334,7 +334,7 @@ impl AssetMotion for SwayMotion {
         Ok(self.evaluate(asset, time))
     }
 
-    fn carry_points(self: Arc<Self>, plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+    fn bind_points(self: Arc<Self>, plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         let positions: Vec<Vec3> = points.iter().map(|point| point.position).collect();
         let sites: Vec<(u32, f32)> = points.iter().map(|point| (point.axis, point.arc_length)).collect();
         let binding = PointBinding::new(plant, &self.elements, &positions, &sites);

@@ -67,7 +67,10 @@ impl YearsMotion {
     ) -> Self {
         Self {
             bindings: bindings.iter().map(|(axis, s)| GrowthBinding { axis: *axis, s: *s }).collect(),
-            organs: organs_by_instancer(&clip.plant, materials).iter().flat_map(|list| divide_leaves(list)).collect(),
+            organs: organs_by_instancer(&clip.plant, materials)
+                .iter()
+                .flat_map(|list| split_by_appearance(list))
+                .collect(),
             segments: if by_segments { segment_middles(&clip.plant) } else { Vec::new() },
             clip,
             seconds,
@@ -115,7 +118,7 @@ fn leaf_parts(leaves: usize) -> Vec<Range<usize>> {
 }
 
 /// The leaves of each range of [`leaf_parts`].
-fn divide_leaves(leaves: &[usize]) -> Vec<Vec<usize>> {
+fn split_by_appearance(leaves: &[usize]) -> Vec<Vec<usize>> {
     leaf_parts(leaves.len()).into_iter().map(|range| leaves[range].to_vec()).collect()
 }
 
@@ -159,7 +162,7 @@ impl AssetMotion for YearsMotion {
         true
     }
 
-    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+    fn bind_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         let sites = points.iter().map(|point| GrowthBinding { axis: point.axis, s: point.arc_length }).collect();
         Some(Arc::new(PointsOnYears { motion: self, sites }))
     }

@@ -232,7 +232,7 @@ fn assemble(
         full,
         &layout,
         &grown,
-        scene_wind.field(WindUser::Rain).filter(|_| recipe.clip.len() >= 2),
+        scene_wind.wind_at_all_times(WindUser::Rain).filter(|_| recipe.clip.len() >= 2),
         rain_ground,
         added.motions_in_rain,
         &mut builder,
@@ -244,7 +244,7 @@ fn assemble(
     add_ifs_attractors(recipe, &mut builder, context)?;
     let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
     let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
-    let rod_wind = scene_wind.field(WindUser::Rods);
+    let rod_wind = scene_wind.wind_at_all_times(WindUser::Rods);
     // Bodies released by rods fall to the ground beneath, or to y = 0 without a ground.
     let rod_ground: Box<dyn GroundHeight> = match (&terrain, &ground) {
         (Some(terrain), _) if !recipe.rods.is_empty() => Box::new(RainGround::Terrain(terrain.clone())),

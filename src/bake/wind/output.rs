@@ -25,12 +25,12 @@ pub struct WindGridSampler {
     wind: Arc<SceneWind>,
     /// World points of each grid, m.
     points: Vec<Vec<Vec3>>,
-    volume: Option<WindVolume>,
+    volume: Option<WindVolumePoints>,
 }
 
 /// Sample points of the voxel grid of the wind's velocity.
 #[derive(Debug)]
-struct WindVolume {
+struct WindVolumePoints {
     cells: [usize; 3],
     /// World positions of the centres of cells that are not inside a solid, m.
     points: Vec<Vec3>,
@@ -80,7 +80,7 @@ impl WindGridSampler {
             let solids = obstacles.solids_within(narrow(2.0 * reach.x.max(reach.z)));
             let open = domain.places().into_iter().enumerate().filter(|(_, p)| !solids.contains(*p));
             let (indices, points) = open.unzip();
-            WindVolume { cells: domain.cells, points, indices }
+            WindVolumePoints { cells: domain.cells, points, indices }
         });
         Ok(Some(Arc::new(Self { wind: Arc::clone(wind), points, volume })))
     }
@@ -109,7 +109,7 @@ impl WindGridSampler {
     }
 }
 
-impl WindVolume {
+impl WindVolumePoints {
     /// Velocities in all cells at a time, s; 0 inside of solids.
     fn sample(&self, wind: &dyn Wind, t: f64) -> VolumeFrame {
         let mut all = vec![Vec3::ZERO; self.cells.iter().product()];

@@ -51,8 +51,8 @@ impl PlantWind {
             return None;
         }
         let calm = || -> Arc<dyn Wind> { Arc::new(UniformWind(Vec3::ZERO)) };
-        let wind = scene.field(WindUser::Sway).unwrap_or_else(calm);
-        let rod_wind = scene.field(WindUser::RodPlants).unwrap_or_else(calm);
+        let wind = scene.wind_at_all_times(WindUser::Sway).unwrap_or_else(calm);
+        let rod_wind = scene.wind_at_all_times(WindUser::RodPlants).unwrap_or_else(calm);
         // The length of a loop in frames need not be that of the clip; the scene's wind repeats with the loop.
         let loop_frames = sway.loop_frames(&recipe.clip);
         let (frames, repeats) = (loop_frames.unwrap_or(recipe.clip.len()), loop_frames.is_some());

@@ -142,7 +142,7 @@ impl SceneWind {
 
     /// The wind at all times, for simulations that run ahead of the frames; `None` in calm air. `user`: as whom observers see
     /// the reader.
-    pub fn field(&self, user: WindUser) -> Option<Arc<dyn Wind>> {
+    pub fn wind_at_all_times(&self, user: WindUser) -> Option<Arc<dyn Wind>> {
         self.field.as_ref().map(|wind| self.observed(user, Arc::clone(wind)))
     }
 

@@ -24,12 +24,12 @@ pub(super) fn define_camera_and_lights(
     define_camera(cx, layer, &format!("{root}/camera"), aspect)?;
     define_sun(cx, layer, &format!("{root}/sun"))?;
     define_sky(cx, layer, &format!("{root}/sky"), picture)?;
-    define_fog(cx, layer, &format!("{root}/fog"))
+    define_fog_properties(cx, layer, &format!("{root}/fog"))
 }
 
 /// Defines fog as a prim with user properties, which Blender imports as custom properties; USD has no schema for fog. The
 /// density, 1/m, is the extinction coefficient that follows from the visibility.
-fn define_fog(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
+fn define_fog_properties(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let Some(fog) = cx.scene.sky.fog else { return Ok(()) };
     layer.define_prim(path, "Xform")?;
     let property = |name: &str| format!("{path}.userProperties:fog_{name}");

@@ -41,7 +41,7 @@ pub(crate) fn to_quath(orientations: &[Quat]) -> Vec<[f16; 4]> {
 }
 
 /// Scales of all instances in a state, in the axes of the stage.
-fn stage_scales(up: UpAxis, instancer: &Instancer, state: &InstanceState) -> Vec<Vec3> {
+fn scales_on_stage_axes(up: UpAxis, instancer: &Instancer, state: &InstanceState) -> Vec<Vec3> {
     instancer.scales.iter().enumerate().map(|(i, s)| up.stage_scale(*s * state.size(i))).collect()
 }
 
@@ -110,7 +110,7 @@ impl<'a> InstanceSample<'a> {
             time,
             positions: up.stage_vecs(&state.positions),
             orientations: continuous_stage_orientations(up, state, before),
-            scales: (!state.sizes.is_empty()).then(|| stage_scales(up, instancer, state)),
+            scales: (!state.sizes.is_empty()).then(|| scales_on_stage_axes(up, instancer, state)),
             alive: &state.alive,
         }
     }
@@ -196,7 +196,7 @@ pub(super) fn define_instancer(
     let before = continuous_stage_orientations(up, &instancer.rest, &[]);
     let orientations = to_quath(&before);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
-    let scales = stage_scales(up, instancer, &instancer.rest);
+    let scales = scales_on_stage_axes(up, instancer, &instancer.rest);
     let b = boxes.extent(&orientations, &up.stage_vecs(&instancer.rest.positions), &instancer.rest);
     let hidden = invisible_ids(instancer, &instancer.rest);
     let set = |layer: &mut LayerBuilder, name: &str, type_name, array: UsdArray| {
@@ -366,7 +366,7 @@ impl AnimatedPrim for AnimatedInstancer {
         // A primvar is defined by the first frame that has values for it.
         for a in state.attributes.iter().filter(|a| !a.data.is_empty()) {
             if !self.primvars.iter().any(|p| p.name == a.name) {
-                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a, up)?);
+                self.primvars.push(AnimatedPrimvar::define_without_default(layer, &self.path, a, up)?);
             }
         }
         let mut present = self.primvars.iter().filter(|p| p.has_values_in(&state.attributes));
@@ -431,7 +431,7 @@ pub(super) fn define_instancer_points(
     let points = up.stage_vecs(&instancer.rest.positions);
     let visible = visible_widths(&diameters, &instancer.rest);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
-    let scales = stage_scales(up, instancer, &instancer.rest);
+    let scales = scales_on_stage_axes(up, instancer, &instancer.rest);
     let b = points_extent(&points, &visible);
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.set_attr(&format!("{path}.ids"), "int64[]", UsdArray::Int64(&sequential_ids(instancer.len())).into())?;
@@ -474,7 +474,7 @@ impl AnimatedPrim for PointTwin {
         sample(self.extent, UsdArray::Float3(&b))?;
         sample(self.orient, UsdArray::Quatf(bytemuck::cast_slice(&self.before)))?;
         if !state.sizes.is_empty() {
-            sample(self.scale, UsdArray::Float3(as_float3(&stage_scales(up, instancer, &state))))?;
+            sample(self.scale, UsdArray::Float3(as_float3(&scales_on_stage_axes(up, instancer, &state))))?;
         }
         sample(self.widths, UsdArray::Float(&visible))?;
         sample(self.points, UsdArray::Float3(as_float3(&points)))?;

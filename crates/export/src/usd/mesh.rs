@@ -419,7 +419,7 @@ impl VaryingMesh {
         let known = self.primvars.len();
         for a in frame.mesh.attributes.iter().filter(|a| !a.data.is_empty()) {
             if !self.primvars.iter().any(|p| p.name == a.name) {
-                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a, up)?);
+                self.primvars.push(AnimatedPrimvar::define_without_default(layer, &self.path, a, up)?);
             }
         }
         // An attribute that appears late gets empty samples at the frames before.

@@ -248,7 +248,7 @@ impl UsdExporter {
         let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
         for single in &plan.singles {
             let SinglePlacement { path, placement } = single;
-            let target = AssetPrim {
+            let target = AssetPrimContents {
                 asset: placement.asset,
                 phase: placement.phase,
                 may_share: shared.contains(&placement.asset),
@@ -260,7 +260,8 @@ impl UsdExporter {
         for group in &plan.instancers {
             group.define(&mut layer)?;
             for PrototypePrim { prototype, path } in &group.prototypes {
-                let target = AssetPrim { asset: prototype.asset, phase: prototype.phase, may_share: false, kind: None };
+                let target =
+                    AssetPrimContents { asset: prototype.asset, phase: prototype.phase, may_share: false, kind: None };
                 animated.extend(define_asset_prim(cx, &mut layer, path, target, &mut first)?);
             }
         }
@@ -431,7 +432,7 @@ impl PayloadSummary {
 }
 
 /// Contents of a prim in a single file: an asset or a reference to it.
-struct AssetPrim {
+struct AssetPrimContents {
     /// Index in the scene's assets.
     asset: usize,
     /// Frames by which its motion is ahead of the clip.
@@ -448,7 +449,7 @@ fn define_asset_prim(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     path: &str,
-    target: AssetPrim,
+    target: AssetPrimContents,
     first: &mut BTreeMap<usize, String>,
 ) -> Result<Vec<(usize, Box<dyn AnimatedPrim>)>> {
     let known = first.get(&target.asset).cloned();

@@ -22,7 +22,7 @@ const RESERVED: [&str; 5] = ["camera", "sun", "sky", "fog", "mtl"];
 
 /// A prototype of a plant's instancer: an individual at a phase of the clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct PlantPrototype {
+pub(super) struct PhasedAsset {
     /// Index in the scene's assets.
     pub(super) asset: usize,
     /// Frames by which its motion is ahead of the clip.
@@ -32,7 +32,7 @@ pub(super) struct PlantPrototype {
 /// A prototype and the path of its prim, below the scope `Prototypes` of the instancer.
 #[derive(Debug)]
 pub(super) struct PrototypePrim {
-    pub(super) prototype: PlantPrototype,
+    pub(super) prototype: PhasedAsset,
     pub(super) path: String,
 }
 
@@ -109,15 +109,15 @@ fn groups_with_copies(scene: &Scene) -> BTreeSet<&str> {
 impl PlantInstancer<'_> {
     /// Numbers the distinct prototypes, ordered by individual and phase, and names their prims.
     fn assign_prototypes(&mut self, scene: &Scene) {
-        let prototype_of = |p: &Placement| PlantPrototype { asset: p.asset, phase: p.phase };
-        let distinct: BTreeSet<PlantPrototype> = self.instances.iter().map(|i| prototype_of(i.placement)).collect();
-        let index: BTreeMap<PlantPrototype, usize> = distinct.iter().enumerate().map(|(i, p)| (*p, i)).collect();
+        let prototype_of = |p: &Placement| PhasedAsset { asset: p.asset, phase: p.phase };
+        let distinct: BTreeSet<PhasedAsset> = self.instances.iter().map(|i| prototype_of(i.placement)).collect();
+        let index: BTreeMap<PhasedAsset, usize> = distinct.iter().enumerate().map(|(i, p)| (*p, i)).collect();
         for instance in &mut self.instances {
             instance.prototype = index.get(&prototype_of(instance.placement)).copied().unwrap_or_default();
         }
         // Phases are padded to the digits of the clip's length, so that names sort as phases do.
         let width = scene.clip.len().to_string().len().max(2);
-        let path = |p: &PlantPrototype| {
+        let path = |p: &PhasedAsset| {
             let id = scene.assets.get(p.asset).map_or("plant", |a| &a.id);
             format!("{}/Prototypes/{}_p{:0width$}", self.path, safe_name(id), p.phase)
         };

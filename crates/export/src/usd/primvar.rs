@@ -25,7 +25,12 @@ pub(super) struct AnimatedPrimvar {
 
 impl AnimatedPrimvar {
     /// Defines the primvar of an attribute of the prim at `path`, without a default value: only frames give it values.
-    pub(super) fn create(layer: &mut LayerBuilder, path: &str, attribute: &Attribute, up: UpAxis) -> Result<Self> {
+    pub(super) fn define_without_default(
+        layer: &mut LayerBuilder,
+        path: &str,
+        attribute: &Attribute,
+        up: UpAxis,
+    ) -> Result<Self> {
         let attr = layer.writer.create_attr(&primvar_path(path, attribute), &spec(attribute), None)?;
         Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]), up })
     }

@@ -179,7 +179,7 @@ impl RainEmitter {
     }
 
     /// Mean area of the source regions over diameters and the clip, m^2.
-    pub fn area(&self) -> f64 {
+    pub fn mean_area(&self) -> f64 {
         self.area
     }
 
@@ -540,11 +540,11 @@ mod tests {
         let size = DropSizes::Fixed(2e-3);
         let mut emitter =
             RainEmitter::new(RainfallParams { total: Some(40_000.0), size, ..rainfall() }, bounds(), None);
-        let expected = 40_000.0 * sphere_volume(2e-3) / (emitter.area() * 10.0);
+        let expected = 40_000.0 * sphere_volume(2e-3) / (emitter.mean_area() * 10.0);
         assert!((emitter.rate() / expected - 1.0).abs() < 1e-9, "{} {expected}", emitter.rate());
         assert!(emitter.rate() > 2.0 * rainfall().intensity);
         let water: f64 = emitter.emit_until(10.0).iter().map(|drop| drop.volume).sum();
-        assert!((water / (emitter.area() * 10.0) / emitter.rate() - 1.0).abs() < 0.03);
+        assert!((water / (emitter.mean_area() * 10.0) / emitter.rate() - 1.0).abs() < 0.03);
     }
 
     /// The mean over the clip is the same whatever the envelope, also where it begins late; without rain in the clip it is 0.

@@ -40,6 +40,6 @@ pub(crate) use plant::RigidBlade;
 pub use plant::{RodPlant, RodPlantParams, SectionBlend};
 pub use prism::SectionFrame;
 pub use record::{Actuation, Integrator, MAX_SUBSTEPS, RecordingParams, RodSystemPose};
-pub use solver::{MAX_GAUSS_SEIDEL_STIFFNESS, StepFailure};
+pub use solver::{MAX_GAUSS_SEIDEL_STIFFNESS, StepFailed};
 pub use system::{AttachedBody, RodSupport, RodSystem, SupportKind};
 pub use tuning::PLANT_SPIN_UP_SECONDS;

@@ -15,7 +15,7 @@ struct MassMoments {
 impl RodSystem {
     /// Recomputes frequencies and damping coefficients of all rods; to be called after bodies were added.
     pub(crate) fn update_damping(&mut self) {
-        let lumps = self.carried_mass_moments();
+        let lumps = self.lumped_mass_moments();
         for rod in 0..self.dampings.len() {
             let material = self.tree.rods[rod].material;
             let hertz = self.estimate_rod_hz(rod, &lumps);
@@ -37,7 +37,7 @@ impl RodSystem {
     }
 
     /// Lumped mass of each section with the bodies of the plant, and with the child rods that it carries.
-    fn carried_mass_moments(&self) -> Vec<MassMoments> {
+    fn lumped_mass_moments(&self) -> Vec<MassMoments> {
         let mut lumps: Vec<MassMoments> =
             self.tree.sections.iter().map(|s| MassMoments { mass: 3.0 * s.mass, ..MassMoments::default() }).collect();
         // Bodies of the plant count; foreign ones (water, weights) must not change the damping of the wood.

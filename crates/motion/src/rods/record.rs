@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DQuat, DVec3, Quat, Vec3};
 
 use crate::rain::GroundHeight;
-use crate::rods::StepFailure;
+use crate::rods::StepFailed;
 use crate::rods::system::RodSystem;
 use crate::rods::tuning::{MAX_STEP_HALVINGS, STABILITY_MARGIN};
 use osier_base::keyframes::Keyframes;
@@ -121,7 +121,7 @@ impl RodSystem {
         for frame in 0..clip.frames {
             cancel.check()?;
             frames.push(self.current_pose(&released));
-            self.advance_frame(clip, frame, n, &mut released).map_err(|StepFailure| Error::Simulation {
+            self.advance_frame(clip, frame, n, &mut released).map_err(|StepFailed| Error::Simulation {
                 frame: clip.first + frame,
                 quantity: format!("rod \"{}\"", clip.name),
             })?;
@@ -180,10 +180,10 @@ impl RodSystem {
         frame: u32,
         n: u32,
         released: &mut [Option<DetachedBody>],
-    ) -> std::result::Result<(), StepFailure> {
+    ) -> std::result::Result<(), StepFailed> {
         // State to return to if a substep fails.
         let saved = (self.state(), released.to_vec());
-        let mut last = StepFailure;
+        let mut last = StepFailed;
         for halving in 0..=MAX_STEP_HALVINGS {
             let n = n << halving;
             if halving > 0 {
@@ -210,7 +210,7 @@ impl RodSystem {
         frame: u32,
         n: u32,
         released: &mut [Option<DetachedBody>],
-    ) -> std::result::Result<(), StepFailure> {
+    ) -> std::result::Result<(), StepFailed> {
         // Implicit loads: keys are evaluated at the end of each substep.
         let h = 1.0 / (clip.fps * f64::from(n));
         for k in 0..n {
@@ -227,7 +227,7 @@ impl RodSystem {
             let far =
                 self.x.iter().flatten().fold(0.0_f64, |m, x| if x.is_finite() { m.max(x.abs()) } else { f64::MAX });
             if far > self.divergence_limit {
-                return Err(StepFailure);
+                return Err(StepFailed);
             }
             self.advance_detached_bodies(clip, t + h, released, h);
         }

@@ -39,7 +39,7 @@ impl RodInterval {
 
     /// Least spread at which torsion matches the material.
     pub(crate) fn spread_ratio_for_full_torsion(&self) -> f64 {
-        math::sqrt(Self { spread: 1.0, ..*self }.torsion_softening())
+        math::sqrt(Self { spread: 1.0, ..*self }.torsional_softening_ratio())
     }
 
     /// Share of the axial stiffness for which diagonal springs would give exactly G J, before clamping.
@@ -54,7 +54,7 @@ impl RodInterval {
     }
 
     /// Torsional stiffness of the material divided by that of the prism: 1 unless the interval is too long.
-    pub(crate) fn torsion_softening(&self) -> f64 {
+    pub(crate) fn torsional_softening_ratio(&self) -> f64 {
         (self.unclamped_shear_share() / SHEAR_SHARE_RANGE[1]).max(1.0)
     }
 

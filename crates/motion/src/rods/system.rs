@@ -316,7 +316,7 @@ impl RodSystem {
     }
 
     /// Indices of a rod's free sections from base to tip; an attached base is not among them.
-    pub fn sections(&self, rod: usize) -> std::ops::Range<usize> {
+    pub fn sections_of_rod(&self, rod: usize) -> std::ops::Range<usize> {
         self.tree.rods[rod].sections.clone()
     }
 
@@ -384,8 +384,8 @@ impl RodSystem {
     }
 
     /// Torsional stiffness of the material divided by that of the rod: 1 unless its intervals are long.
-    pub fn torsion_softening(&self, rod: usize) -> f64 {
-        self.tree.rods[rod].intervals.iter().fold(1.0, |m, l| l.torsion_softening().max(m))
+    pub fn torsional_softening_ratio(&self, rod: usize) -> f64 {
+        self.tree.rods[rod].intervals.iter().fold(1.0, |m, l| l.torsional_softening_ratio().max(m))
     }
 
     /// Removes all forces and impulses that [`RodSystem::add_wrench`] and [`RodSystem::add_impulse`] have added.
@@ -425,7 +425,7 @@ impl RodSystem {
     }
 
     /// Gives all corners of a section this velocity, m/s, so that it does not rotate.
-    pub fn set_linear_velocity(&mut self, section: usize, velocity: DVec3) {
+    pub fn set_section_velocity(&mut self, section: usize, velocity: DVec3) {
         self.v[section] = corners_from_fn(|_| velocity);
     }
 

@@ -130,8 +130,8 @@ fn torsion_matches_the_shear_modulus() {
     let (was, is) = (rods.section_frame(0).u, rods.section_frame(n - 1).u);
     let angle = was.cross(is).dot(DVec3::X);
     assert!((angle / 1e-3 - 1.0).abs() < 0.01, "{angle}");
-    assert!((rods.torsion_softening(0) - 1.0).abs() < 1e-12);
-    assert!((cantilever(9, 10.0, MATERIAL).torsion_softening(0) - 8.889).abs() < 1e-3);
+    assert!((rods.torsional_softening_ratio(0) - 1.0).abs() < 1e-12);
+    assert!((cantilever(9, 10.0, MATERIAL).torsional_softening_ratio(0) - 8.889).abs() < 1e-3);
 }
 
 #[test]

@@ -8,7 +8,7 @@ pub(crate) const SPLINE_SUBDIVISIONS: usize = 24;
 pub(crate) const SECTION_COUNT_RANGE: [usize; 2] = [5, 16];
 
 /// Length of an interval, in radii, if the number of sections is chosen automatically. Longer intervals are too soft
-/// in torsion (see `RodInterval::torsion_softening`).
+/// in torsion (see `RodInterval::torsional_softening_ratio`).
 pub(crate) const INTERVAL_RADII: f64 = 3.0;
 
 /// Share of the bending stiffness that springs over two intervals carry (flexion springs, S_fl of [yang-wu]). Higher:

@@ -47,7 +47,7 @@ pub(super) fn smagorinsky_factor(constant: f64) -> f64 {
 }
 
 /// Populations as even and odd parts of opposite directions: three pairs along the axes, four along the diagonals.
-struct OppositePairs<L> {
+struct EvenOddPopulations<L> {
     rest: L,
     /// Even parts g_i + g_opp of the pairs.
     even: [L; 7],
@@ -55,7 +55,7 @@ struct OppositePairs<L> {
     odd: [L; 7],
 }
 
-impl<L: Lane> OppositePairs<L> {
+impl<L: Lane> EvenOddPopulations<L> {
     #[inline(always)]
     fn new(g: &[L; Q]) -> Self {
         let (mut even, mut odd) = ([g[0]; 7], [g[0]; 7]);
@@ -68,14 +68,14 @@ impl<L: Lane> OppositePairs<L> {
     }
 
     #[inline(always)]
-    fn diagonal_sum(&self) -> L {
+    fn sum_of_diagonal_pairs(&self) -> L {
         (self.even[3] + self.even[4]) + (self.even[5] + self.even[6])
     }
 
     /// Zeroth moment: density less 1.
     #[inline(always)]
     fn density(&self) -> L {
-        self.rest + (((self.even[0] + self.even[1]) + self.even[2]) + self.diagonal_sum())
+        self.rest + (((self.even[0] + self.even[1]) + self.even[2]) + self.sum_of_diagonal_pairs())
     }
 
     /// First moment: sum c_i f_i, to which even parts add nothing.
@@ -96,7 +96,7 @@ impl<L: Lane> OppositePairs<L> {
         let (s, j) = (&self.even, momentum);
         // Second moments of the populations less those of the equilibrium, rho/3 + j_a j_b / rho. The deviations g lack the part
         // of rho/3 that the weights contribute.
-        let diagonal = (drho * drho.splat(-1.0 / 3.0)) + self.diagonal_sum();
+        let diagonal = (drho * drho.splat(-1.0 / 3.0)) + self.sum_of_diagonal_pairs();
         let xx = minus_inverse_density.mul_add(j[0] * j[0], s[0] + diagonal);
         let yy = minus_inverse_density.mul_add(j[1] * j[1], s[1] + diagonal);
         let zz = minus_inverse_density.mul_add(j[2] * j[2], s[2] + diagonal);
@@ -116,7 +116,7 @@ impl<L: Lane> OppositePairs<L> {
 #[inline(always)]
 pub(super) fn moments<L: Lane>(g: &[L; Q]) -> (L, [L; 3]) {
     // u = j/rho with rho = 1 + drho.
-    let pairs = OppositePairs::new(g);
+    let pairs = EvenOddPopulations::new(g);
     let drho = pairs.density();
     let inverse_density = drho.splat(1.0).div(drho.splat(1.0) + drho);
     let j = pairs.momentum();
@@ -163,7 +163,7 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
 ) -> CollisionResult<L> {
     let one = relaxation.tau.splat(1.0);
     // Moments: density and momentum j = rho u.
-    let pairs = OppositePairs::new(g);
+    let pairs = EvenOddPopulations::new(g);
     let drho = pairs.density();
     let rho = one + drho;
     let inverse_density = one.div(rho);
@@ -233,7 +233,7 @@ fn force_term<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
 /// processor's registers and cost a tenth of the time.
 #[inline(always)]
 fn relax_pairs<L: Lane>(
-    pairs: &OppositePairs<L>,
+    pairs: &EvenOddPopulations<L>,
     drho: L,
     inverse_density: L,
     momentum: [L; 3],

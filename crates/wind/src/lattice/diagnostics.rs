@@ -67,7 +67,7 @@ impl PlaneDiagnostics {
     /// Adds a row of cells, velocity by component and density less 1, and writes it into the snapshot's plane, if there
     /// is one. Solid cells are set to 0.
     #[inline(always)]
-    pub(super) fn add_row(
+    pub(super) fn add_and_store_row(
         &mut self,
         domain: &Domain,
         y: usize,

@@ -385,14 +385,14 @@ impl ExchangeBuffers {
         let cells: Vec<_> =
             ranges.iter().map(|r| range_over_planes(&lists.planes[r.clone()], |p| &p.open_cells)).collect();
         // One output per range: its parts of the populations and of the four moment arrays.
-        let populations = split_slice(&mut self.populations, &buffers).into_iter().zip(buffers);
+        let populations = split_at_ranges(&mut self.populations, &buffers).into_iter().zip(buffers);
         let [drho, x, y, z] = &mut self.open_cells.moments;
-        let [x, y, z] = [x, y, z].map(|u| split_slice(u, &cells));
-        let moments = split_slice(drho, &cells).into_iter().zip(x).zip(y.into_iter().zip(z));
+        let [x, y, z] = [x, y, z].map(|u| split_at_ranges(u, &cells));
+        let moments = split_at_ranges(drho, &cells).into_iter().zip(x).zip(y.into_iter().zip(z));
         let moments = moments.map(|((drho, x), (y, z))| [drho, x, y, z]).zip(&cells);
         let none = vec![0..0; ranges.len()];
         let with_populations = if lists.nonequilibrium { &cells } else { &none };
-        let cell_populations = split_slice(&mut self.open_cells.populations, with_populations);
+        let cell_populations = split_at_ranges(&mut self.open_cells.populations, with_populations);
         populations
             .zip(moments)
             .zip(cell_populations)
@@ -419,7 +419,7 @@ fn range_over_planes(
 }
 
 /// Disjoint parts of a slice, in ascending order; empty ranges may lie anywhere.
-pub(super) fn split_slice<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
+pub(super) fn split_at_ranges<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
     let (mut split, mut at) = (Vec::with_capacity(ranges.len()), 0);
     // Cut off what lies before the range, then the range itself; empty ranges take nothing.
     for range in ranges {

@@ -213,7 +213,7 @@ impl ExchangeBuilder<'_> {
         // Open cells are numbered before the ghosts, which refer to them.
         let open_spans = self.number_open_cells(&mut planes)?;
         let (open_boundary, slots) = self.build_open_boundary()?;
-        let (ghost_scatter, ghost_halo) = self.build_ghost_copies(&slots, &mut planes)?;
+        let (ghost_scatter, ghost_halo) = self.build_ghost_scatter(&slots, &mut planes)?;
         position_empty_ranges(&mut planes);
         // All buffers in their final sizes; no step allocates.
         let open_cells = planes.last().map_or(0, |p| p.open_cells.end);
@@ -262,7 +262,7 @@ impl ExchangeBuilder<'_> {
     }
 
     /// Copies of ghost populations to slots and to the row halo, joined where nodes and buffer indices follow.
-    fn build_ghost_copies(
+    fn build_ghost_scatter(
         &self,
         slots: &[GhostSlots],
         planes: &mut [PlaneBoundaryRanges],

@@ -70,12 +70,12 @@ impl FlowState {
     /// One step without a snapshot; returns the number of clamped cells.
     #[cfg(test)]
     pub(super) fn advance_one_step(&mut self, inputs: BoundaryInputs<'_>) -> u64 {
-        self.advance(inputs, None, None).clamped[0]
+        self.advance_one_or_two_steps(inputs, None, None).clamped[0]
     }
 
     /// Advances by one step, or by an even step and the odd one after it in one pass over memory, which gives the same
     /// populations. `second`: inputs of the odd step; `snapshot`: where the moments of the last step are written.
-    pub(super) fn advance(
+    pub(super) fn advance_one_or_two_steps(
         &mut self,
         first: BoundaryInputs<'_>,
         second: Option<BoundaryInputs<'_>>,
@@ -205,7 +205,7 @@ impl WithSimd for PlaneMomentsKernel<'_, '_> {
                 }
             }
             let row = row.each_mut().map(|part| &mut part[..nx]);
-            diagnostics.add_row(domain, y, z, row, target.as_deref_mut());
+            diagnostics.add_and_store_row(domain, y, z, row, target.as_deref_mut());
         }
         if let Some(target) = target {
             target.fill_halo_rows();

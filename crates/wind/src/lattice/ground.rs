@@ -37,7 +37,14 @@ impl GroundModel {
     /// is therefore that of a logarithmic profile in a channel of height H, proportional to y (1 - y/H), and the drag
     /// rises with it.
     /// Source: own; stress and mixing length of the logarithmic law, von Karman 1930.
-    pub(super) fn log_law(roughness: f64, tau: f64, smagorinsky: f64, speed: f64, height: f64, cells: usize) -> Self {
+    pub(super) fn for_log_profile(
+        roughness: f64,
+        tau: f64,
+        smagorinsky: f64,
+        speed: f64,
+        height: f64,
+        cells: usize,
+    ) -> Self {
         // Friction velocity u* = kappa u / ln((y + z0)/z0); eddy viscosity kappa u* (y + z0), which fades to 0 where the
         // lattice resolves the eddies itself. tau = tau_0 + 3 nu.
         let friction = KARMAN * speed / ln((height + roughness) / roughness);
@@ -142,7 +149,7 @@ mod tests {
 
     #[test]
     fn extreme_roughness_never_reverses_the_flow() {
-        let rough = GroundModel::log_law(100.0, 0.5005, 0.16, 0.1, 70.0, 70);
+        let rough = GroundModel::for_log_profile(100.0, 0.5005, 0.16, 0.1, 70.0, 70);
         let mut g: [f64; Q] = std::array::from_fn(|i| super::super::collide::equilibrium(i, 0.0, [0.1, 0.0, 0.0]));
         apply_wall_stress(&mut g, f64::from(rough.drag), 0.0);
         let left = super::super::collide::moments(&g).1[0];

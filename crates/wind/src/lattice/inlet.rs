@@ -293,13 +293,13 @@ impl InletWind {
         (1.0 + self.options.gust_strength * (a + (b - a) * fraction).clamp(-MAX_GUST, MAX_GUST)) * self.speed_factor(t)
     }
 
-    /// [`InletWind::drawn_gust_process`] at a tick, drawn once.
+    /// [`InletWind::compute_gust_process`] at a tick, drawn once.
     fn gust_process_at_tick(&self, tick: i64) -> f64 {
         let known = self.gusts.read().unwrap_or_else(PoisonError::into_inner).get(&tick).copied();
         if let Some(value) = known {
             return value;
         }
-        let value = self.drawn_gust_process(tick);
+        let value = self.compute_gust_process(tick);
         let mut gusts = self.gusts.write().unwrap_or_else(PoisonError::into_inner);
         if gusts.len() >= MOST_GUST_VALUES {
             gusts.clear();
@@ -311,7 +311,7 @@ impl InletWind {
     /// Ornstein-Uhlenbeck process of unit variance at a tick, a pure function of the tick: the moving average
     /// sqrt(1 - r^2) sum_j r^j n(tick - j) of normal draws n, cut off after [`GUST_MEMORY`] correlation times.
     #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
-    fn drawn_gust_process(&self, tick: i64) -> f64 {
+    fn compute_gust_process(&self, tick: i64) -> f64 {
         // An AR(1) process as a finite moving average: stateless, so that any frame can be computed without those
         // before it.
         let decay = exp(-1.0 / GUST_TICKS);
@@ -336,7 +336,7 @@ impl InletWind {
     }
 
     /// Largest mean velocity of the speed curve, m/s, at a height above the ground, m, in the direction of time `t`, s.
-    fn mean_velocity_at(&self, height: f64, t: f64) -> Vec3 {
+    fn peak_mean_velocity(&self, height: f64, t: f64) -> Vec3 {
         (self.direction(t) * self.speed_at(height, 1.0)).as_vec3()
     }
 
@@ -369,11 +369,11 @@ impl Wind for InletWind {
     }
 
     fn mean(&self) -> Vec3 {
-        self.mean_velocity_at(10.0, 0.0)
+        self.peak_mean_velocity(10.0, 0.0)
     }
 
     fn mean_at(&self, position: Vec3) -> Vec3 {
-        self.mean_velocity_at(self.height_above_ground(position.as_dvec3()), 0.0)
+        self.peak_mean_velocity(self.height_above_ground(position.as_dvec3()), 0.0)
     }
 
     fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
@@ -667,7 +667,7 @@ mod tests {
         let asked: Vec<f64> = times.iter().map(|t| inlet.gust_factor(*t)).collect();
         let kept = inlet.gusts.read().expect("values").clone();
         assert!((32..=34).contains(&kept.len()), "{} ticks", kept.len());
-        assert!(kept.iter().all(|(tick, value)| value.to_bits() == inlet.drawn_gust_process(*tick).to_bits()));
+        assert!(kept.iter().all(|(tick, value)| value.to_bits() == inlet.compute_gust_process(*tick).to_bits()));
         // A clone shares the values; a fresh inlet finds the same ones.
         let fresh = InletWind { gusts: Arc::default(), ..inlet.clone() };
         for (t, asked) in times.iter().zip(asked) {

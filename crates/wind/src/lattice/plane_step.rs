@@ -53,7 +53,7 @@ impl<'a> ThreadScratch<'a> {
         // Rows leave the padded buffer without their halo nodes.
         for y in 0..ny {
             let moments = self.moments.each_mut().map(|all| &mut all[y * row..y * row + nx]);
-            diagnostics.add_row(domain, y, z, moments, Some(&mut target));
+            diagnostics.add_and_store_row(domain, y, z, moments, Some(&mut target));
         }
         target.fill_halo_rows();
         self.diagnostics.push((z, diagnostics));

@@ -138,7 +138,7 @@ impl RecordedWind {
     /// Adds `weight` times the velocities at `frame`, a fractional index into the recorded frames: linear in time, trilinear in
     /// space.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the frames")]
-    fn add_weighted_frame(&self, positions: &[Vec3], frame: f64, weight: f32, out: &mut [Vec3]) {
+    fn add_weighted_sample(&self, positions: &[Vec3], frame: f64, weight: f32, out: &mut [Vec3]) {
         // The recorded frames on either side of the fractional index.
         let last = self.frames.len() - 1;
         let frame = frame.clamp(0.0, last as f64);
@@ -188,7 +188,7 @@ impl Wind for RecordedWind {
         out.fill(Vec3::ZERO);
         let lead = self.lead as f64;
         let Some(period) = self.period else {
-            self.add_weighted_frame(positions, t * self.fps + lead, 1.0, out);
+            self.add_weighted_sample(positions, t * self.fps + lead, 1.0, out);
             return;
         };
         // Time within the loop, in frames after the first; the recording starts `lead` frames earlier.
@@ -196,9 +196,9 @@ impl Wind for RecordedWind {
         let frames = period * self.fps;
         // Loop: in the last `lead` frames, cross-fade into the frames recorded before the first, which lead up to it.
         let fade = narrow(((frame - (frames - lead)) / lead.max(1.0)).clamp(0.0, 1.0));
-        self.add_weighted_frame(positions, frame + lead, 1.0 - fade, out);
+        self.add_weighted_sample(positions, frame + lead, 1.0 - fade, out);
         if fade > 0.0 {
-            self.add_weighted_frame(positions, frame + lead - frames, fade, out);
+            self.add_weighted_sample(positions, frame + lead - frames, fade, out);
         }
     }
 

@@ -245,7 +245,7 @@ impl LatticeSetup {
         let ground = match options.ground {
             GroundCondition::Rough(z0) => {
                 let (speed, height) = inlet.speed_and_height_in_cells(dt);
-                GroundModel::log_law(z0 / options.spacing, tau, options.smagorinsky, speed, height, n[1])
+                GroundModel::for_log_profile(z0 / options.spacing, tau, options.smagorinsky, speed, height, n[1])
             }
             GroundCondition::Smooth => GroundModel::default(),
         };

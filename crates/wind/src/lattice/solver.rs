@@ -284,7 +284,7 @@ impl LatticeSolver {
             BoundaryInputs { inlet_velocity: &self.inlet_velocity[k], shear, shear_scale, outlet_velocity }
         });
         let (before, written) = (self.flow.step, target.is_some());
-        let report = self.flow.advance(first, two.then_some(second), target);
+        let report = self.flow.advance_one_or_two_steps(first, two.then_some(second), target);
         self.stats.steps = self.flow.step;
         self.add_profile_while_ramping(before);
         for (step, count) in (before + 1..).zip(report.clamped) {

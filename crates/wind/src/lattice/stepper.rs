@@ -30,7 +30,7 @@ use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotPlane, Snaps
 use super::domain::Domain;
 use super::exchange::{
     BoundaryExchange, BufferSlice, ExchangeBuffers, ExchangeLists, ExchangeOutput, IncomingPopulations, PlaneSlices,
-    split_slice,
+    split_at_ranges,
 };
 use super::grid::{Populations, StepParity};
 use super::open_boundary::{GhostInputs, OpenBoundary, outlet_density};
@@ -142,7 +142,7 @@ impl StepContext<'_> {
         };
         let ranges: Vec<_> = (0..self.tables.grid.n[2]).map(|z| open_boundary.buffer_range(z)).collect();
         let mut planes: Vec<_> =
-            split_slice(&mut exchange.ghost_populations[0], &ranges).into_iter().enumerate().collect();
+            split_at_ranges(&mut exchange.ghost_populations[0], &ranges).into_iter().enumerate().collect();
         planes.retain(|(_, out)| !out.is_empty());
         // Each plane's ghosts fill a separate range, so that planes are independent.
         par::par_each(&mut planes, |(z, out)| {
@@ -173,7 +173,7 @@ impl StepContext<'_> {
         let mut planes: Vec<_> = ranges.iter().map(slices).collect();
         // Borrow disjoint planes of all fifteen arrays, so that threads need no locks.
         for array in populations.arrays_mut() {
-            let parts = split_slice(array, &elements);
+            let parts = split_at_ranges(array, &elements);
             planes.iter_mut().zip(parts).for_each(|(planes, part)| planes.arrays.push(part));
         }
         planes
@@ -207,7 +207,7 @@ impl StepContext<'_> {
         let ghost_range =
             |r: &Range<usize>| open_boundary.buffer_range(r.start).start..open_boundary.buffer_range(r.end - 1).end;
         let ghost_ranges: Vec<_> = chunks.iter().map(ghost_range).collect();
-        let ghost_parts = split_slice(second_ghosts, &ghost_ranges).into_iter().zip(&ghost_ranges);
+        let ghost_parts = split_at_ranges(second_ghosts, &ghost_ranges).into_iter().zip(&ghost_ranges);
         // Where the even and the odd step leave what boundaries exchange.
         let (even_buffers, odd_buffers) = match kind {
             PassKind::Even => (Some(next), None),
@@ -223,7 +223,7 @@ impl StepContext<'_> {
         };
         // One job per chunk, with exclusive slices of populations, buffers and ghosts.
         let planes = self.plane_slices(populations, &chunks, 0);
-        let speeds = split_slice(max_speed_squared, &chunks);
+        let speeds = split_at_ranges(max_speed_squared, &chunks);
         let parts = planes.into_iter().zip(speeds).zip(outputs).zip(ghost_parts).zip(chunks.iter().zip(&inner));
         let mut jobs: Vec<_> = parts
             .map(|((((planes, max_speed_squared), (even_output, odd_output)), ghosts), (chunk, inner))| Chunk {
@@ -273,7 +273,7 @@ impl StepContext<'_> {
             populations: BufferSlice::full(&before.populations),
             ghosts: BufferSlice::full(ghosts),
         };
-        let speeds = split_slice(max_speed_squared, &seams);
+        let speeds = split_at_ranges(max_speed_squared, &seams);
         // A margin of one plane: an odd step writes one node downstream, into the neighbouring planes.
         let planes = self.plane_slices(populations, &seams, 1).into_iter().zip(speeds);
         let parts = planes.zip(next.split_by_planes(lists, &seams)).zip(&seams);

@@ -417,7 +417,7 @@ fn production_solver_matches_the_reference_solver() {
         })
         .collect();
     plain.sponge[0].clone_from(&sponge);
-    let ground = GroundModel::log_law(0.1, tau, 0.16, 0.08, 20.0, n[1]);
+    let ground = GroundModel::for_log_profile(0.1, tau, 0.16, 0.08, 20.0, n[1]);
     plain.ground = ground.clone();
     let v = FlowParams {
         tau: tau as f32,
@@ -519,7 +519,7 @@ fn flow_with_mixed_boundaries(n: [usize; 3], along: usize, rest: bool) -> FlowSt
     let solid = |[x, y, z]: [usize; 3]| x == n[0] / 2 && y < n[1] / 2 && z < n[2] / 2;
     let sponge = [(0..n[0]).map(|x| if x + 3 > n[0] { 0.4 } else { 0.0 }).collect(), Vec::new()];
     let ground = if along == 0 {
-        GroundModel::log_law(0.1, 0.51, 0.16, 0.05, n[1] as f64, n[1])
+        GroundModel::for_log_profile(0.1, 0.51, 0.16, 0.05, n[1] as f64, n[1])
     } else {
         GroundModel::default()
     };
@@ -550,7 +550,7 @@ fn fused_steps_equal_single_steps() {
                 shear_scale: [1.0, 0.5],
                 outlet_velocity: [0.0, u, 0.0, 0.0, 0.0, u / 2.0],
             });
-            let both = two.advance(inputs[0], Some(inputs[1]), None).clamped;
+            let both = two.advance_one_or_two_steps(inputs[0], Some(inputs[1]), None).clamped;
             assert_eq!([one.advance_one_step(inputs[0]), one.advance_one_step(inputs[1])], both);
         }
         let fluid = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);

@@ -125,7 +125,7 @@ fn start_flight(
         }
     }
 
-    warn_of_places_outside(flight, scene.solids.list(), domain, report);
+    warn_of_zones_and_solids_outside(flight, scene.solids.list(), domain, report);
 
     // The lattice wind has warned of open meshes already, if there is one.
     if scene.cell_size.is_none() {
@@ -145,7 +145,7 @@ fn start_flight(
 }
 
 /// Warns of zones and solids beside the box of a flight, which no catkin reaches, and of zones without an area.
-fn warn_of_places_outside(flight: &FlightRecipe, solids: &[Solid], domain: Bounds, report: &mut Report) {
+fn warn_of_zones_and_solids_outside(flight: &FlightRecipe, solids: &[Solid], domain: Bounds, report: &mut Report) {
     let sides = |b: Bounds| [[b.min.x, b.max.x], [b.min.z, b.max.z]].map(|side| side.map(f64::from));
     // Length that two intervals have in common; negative if there is a gap between them.
     let overlap = |a: [f64; 2], b: [f64; 2]| a[1].min(b[1]) - a[0].max(b[0]);

@@ -82,7 +82,7 @@ impl Canopy {
                 let motion = builder.motions.get(individual).and_then(Option::as_ref);
                 BoundTwigs {
                     rest: ends.iter().map(|end| end.position).collect(),
-                    moving: motion.and_then(|motion| Arc::clone(motion).carry_points(&grown.plant, &ends)),
+                    moving: motion.and_then(|motion| Arc::clone(motion).bind_points(&grown.plant, &ends)),
                 }
             });
             plants.push(CanopyPlant {

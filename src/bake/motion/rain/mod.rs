@@ -22,7 +22,7 @@ pub use self::drop_records::enum_labels;
 use self::expected_drops::ExpectedDrops;
 pub use self::ground::RainGround;
 pub(crate) use self::plant_in_rain::PlantInRain;
-use self::plant_in_rain::{PointCarrier, RainClock, RainedPlant, RainedPlantRecorder, plant_in_rain};
+use self::plant_in_rain::{PlantStepParams, PointCarrier, RainedPlant, RainedPlantRecorder, target_and_recorder};
 use self::scene_leaf::{SceneLeaf, WETNESS, scene_leaves, select_mapped_leaves, set_leaf_wetness};
 use crate::bake::BakeContext;
 use crate::bake::assets::obstacles::rain_faces;
@@ -290,7 +290,7 @@ fn simulate_rain(
     // A trial of plants that start at rest reads the wind at no time at which the rain does not.
     let simulated_steps = spin_up_steps(rain, step) + u64::from(steps) * (recipe.clip.len() as u64).saturating_sub(1);
     let trial_steps = if starts_from_rest { saturating_index(limit(simulated_steps)) } else { u32::MAX };
-    let clock = RainClock {
+    let clock = PlantStepParams {
         fps: recipe.clip.fps(),
         lead,
         step,
@@ -303,7 +303,7 @@ fn simulate_rain(
     for (k, motion) in plant_motions.into_iter().enumerate() {
         let on_plant = scene_leaves.iter().filter(|leaf| leaf.instance.asset == k).collect();
         let of = RainedPlant { plant: plants[k], asset: &assets[k], transform: transforms[k], leaves: on_plant };
-        let (target, recorder) = plant_in_rain(motion, &of, clock, wind.clone(), || still_plant(&of))?;
+        let (target, recorder) = target_and_recorder(motion, &of, clock, wind.clone(), || still_plant(&of))?;
         targets.push(target);
         recorders.push(recorder);
     }
@@ -328,7 +328,7 @@ fn simulate_rain(
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
     let center = bounds.center();
     let foot = ground.height(f64::from(center.x), f64::from(center.z));
-    let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::area));
+    let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::mean_area));
     RainCost {
         drop_rate: emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate),
         fall_time: emitter.as_ref().map_or(0.0, |emitter| emitter.mean_fall_time(foot)),
@@ -660,7 +660,7 @@ impl RainPlayback {
             DropDetail::at_distance(radius, self.shown.picture.distance(frame.leaf_poses[leaf].position))
         };
         for drop in frame.sessile.iter().filter(|drop| shown.includes(drop.id)) {
-            water.detail = detail(drop.leaf, drop.caps.first().map_or(0.0, |head| head.cap.max_radius()));
+            water.detail = detail(drop.leaf, drop.caps.first().map_or(0.0, |head| head.cap.widest_radius()));
             water.add_sessile(&self.leaves[drop.leaf], &frame.leaf_poses[drop.leaf], drop);
             ids.resize(water.mesh.points.len(), number(&drop.id));
         }
@@ -814,10 +814,10 @@ impl AssetMotion for PlantMotionInRain {
         Ok(self.rain.plant_frame(self.plant, time.index()))
     }
 
-    fn carry_points(self: Arc<Self>, plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+    fn bind_points(self: Arc<Self>, plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         match &self.carrier {
             PointCarrier::Still => None,
-            PointCarrier::Sway(sway) => Arc::clone(sway).carry_points(plant, points),
+            PointCarrier::Sway(sway) => Arc::clone(sway).bind_points(plant, points),
             PointCarrier::Rods { rods, binding } => {
                 let points = binding.bind_points(rods, points);
                 Some(Arc::new(PointsOnRodsInRain { motion: Arc::clone(&self), points }))

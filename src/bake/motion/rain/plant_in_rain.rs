@@ -85,7 +85,7 @@ pub(super) struct RainedPlant<'a> {
 
 /// Frame rate, time step, lead times and gravity that the models of all plants in the rain share.
 #[derive(Clone, Copy)]
-pub(super) struct RainClock {
+pub(super) struct PlantStepParams {
     /// Frames per second of the clip, above 0.
     pub(super) fps: f64,
     /// Duration of the rain before the clip, s.
@@ -190,10 +190,10 @@ fn leaf_and_wood_bounds(plant: &RodPlant) -> Bounds {
 /// move.
 /// # Errors
 /// `Simulation` for rods that diverge as they spin up.
-pub(super) fn plant_in_rain(
+pub(super) fn target_and_recorder(
     motion: PlantInRain,
     of: &RainedPlant<'_>,
-    clock: RainClock,
+    clock: PlantStepParams,
     wind: Option<Arc<dyn Wind>>,
     still: impl FnOnce() -> Box<dyn RainPlant>,
 ) -> Result<(Box<dyn RainPlant>, RainedPlantRecorder)> {
@@ -237,7 +237,7 @@ pub(super) fn plant_in_rain(
 
 impl SwayRecorder {
     /// The collision target of a swaying plant before the first drop: leaves with axis, arc length and blade.
-    fn rain_plant(&self, of: &RainedPlant<'_>, clock: RainClock) -> SwayingRainPlant {
+    fn rain_plant(&self, of: &RainedPlant<'_>, clock: PlantStepParams) -> SwayingRainPlant {
         // Instances have the ids of the organs that they show, by which these are found.
         let organs: std::collections::BTreeMap<u64, usize> =
             of.plant.organs.iter().enumerate().map(|(i, organ)| (organ.id, i)).collect();

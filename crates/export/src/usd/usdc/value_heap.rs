@@ -134,7 +134,7 @@ impl ValueHeap {
             heap.sink.put(&data)
         };
         let table = match array {
-            UsdArray::Float(v) if v.len() >= MIN_COMPRESSED => value_table(v),
+            UsdArray::Float(v) if v.len() >= MIN_COMPRESSED => distinct_values_and_rows(v),
             _ => None,
         };
         let value_rep = match array {
@@ -200,7 +200,7 @@ impl ValueHeap {
 
 /// The different values of an array in ascending order of their bits, as little-endian words, and for each element its row in
 /// that table; `None` if there are too many: OpenUSD uses a table of at most a quarter of the elements and at most 1024 values.
-fn value_table(values: &[f32]) -> Option<(Vec<u32>, Vec<i32>)> {
+fn distinct_values_and_rows(values: &[f32]) -> Option<(Vec<u32>, Vec<i32>)> {
     const MAX_TABLE: usize = 1024;
     let most = MAX_TABLE.min(values.len() / 4);
     // The order of the bits of floats is ascending for positive numbers; any fixed order serves. -0 is stored as 0.

@@ -248,7 +248,7 @@ fn apex_radius_of_max_volume(turn: f64, r: f64) -> f64 {
 
 /// The profile of a necking drop at `progress`, 0 to 1, of the time until it detaches: the neck narrows, the drop lengthens, and
 /// the body below takes up the water of the neck. Volume is conserved. Source: own, after photographs.
-pub fn necked_profile(profile: &[[f64; 2]], progress: f64) -> PendantProfile {
+pub fn profile_while_necking(profile: &[[f64; 2]], progress: f64) -> PendantProfile {
     let Some([_, length]) = profile.last().copied().filter(|_| progress > 0.0) else { return profile.to_vec() };
     let smoothstep = |from: f64, to: f64, s: f64| {
         let t = ((s - from) / (to - from)).clamp(0.0, 1.0);
@@ -325,10 +325,10 @@ mod tests {
             let high = p.last().expect("points")[1];
             p.iter().filter(|q| q[1] > 0.6 * high).fold(f64::MAX, |m, q| m.min(q[0]))
         };
-        assert_eq!(necked_profile(&shape, 0.0), shape);
+        assert_eq!(profile_while_necking(&shape, 0.0), shape);
         let mut narrow = neck(&shape);
         for share in [0.25, 0.5, 0.75, 1.0] {
-            let thin = necked_profile(&shape, share);
+            let thin = profile_while_necking(&shape, share);
             assert!((profile_volume(&thin) / whole - 1.0).abs() < 1e-3, "{share}: {}", profile_volume(&thin) / whole);
             let [x, z] = thin.last().copied().expect("points");
             assert!((x / seat - 1.0).abs() < 1e-9 && z > length && neck(&thin) < narrow, "{share}");

@@ -214,7 +214,7 @@ impl RainLeaf {
     /// Wetness of the leaf as a whole at time `t`, s: 0 to 1. The mean of its drying tracks, plus the fraction of its area that
     /// sessile drops of the upper side cover.
     pub fn mean_wetness(&self, t: f64, params: &DropParams) -> f64 {
-        let tracks = self.wetness_grid.mean_wetness(self.blade.occupied_cells(), t, params.drying_law());
+        let tracks = self.wetness_grid.mean_wetness(self.blade.occupied_cell_count(), t, params.drying_law());
         // Base areas pi a^2 of the heads; tails add little.
         let law = params.wetting.cap_law();
         let base = |d: &LeafDrop| {

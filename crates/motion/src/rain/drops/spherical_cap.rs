@@ -169,7 +169,7 @@ impl SphericalCap {
     }
 
     /// Largest distance of the cap from its axis, m: the base radius, or the sphere's radius if it overhangs.
-    pub fn max_radius(&self) -> f64 {
+    pub fn widest_radius(&self) -> f64 {
         if self.cos_angle < 0.0 { self.r } else { self.a }
     }
 }
@@ -225,7 +225,7 @@ mod tests {
     /// Volume of a deformed cap by a quadrature over rings and azimuths.
     fn volume(cap: &SphericalCap, deformation: CapDeformation) -> f64 {
         let (n, m) = (2000, 64);
-        let reach = cap.max_radius() / cap.a;
+        let reach = cap.widest_radius() / cap.a;
         let mut sum = 0.0;
         for i in 0..n {
             let rho = (f64::from(i) + 0.5) / f64::from(n) * reach;

@@ -263,7 +263,7 @@ impl LeafSurface {
     }
 
     /// Number of grid cells over the texture, of `GRID_CELLS` squared, that hold some of the blade.
-    pub fn occupied_cells(&self) -> usize {
+    pub fn occupied_cell_count(&self) -> usize {
         self.cells.iter().filter(|c| !c.is_empty()).count()
     }
 

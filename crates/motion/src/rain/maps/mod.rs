@@ -273,7 +273,7 @@ impl LeafWaterMaps {
         Some(CapStamp {
             key: [cap.uv.x, cap.uv.y, r, a, height_factor, wedge, cos_angle, stretch, skew, x, y, z].map(f64::to_bits),
             kernel: CapHeightKernel::new(&cap.cap, &cap.deformation, self.kernel_center(&point), axis.as_vec3()),
-            window: self.raster.footprint_window(cap.uv, &point, cap.cap.max_radius(), stretch, axis),
+            window: self.raster.footprint_window(cap.uv, &point, cap.cap.widest_radius(), stretch, axis),
         })
     }
 

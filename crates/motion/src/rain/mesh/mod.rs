@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::drops::pendant_profile::{PendantFamily, necked_profile};
+use crate::rain::drops::pendant_profile::{PendantFamily, profile_while_necking};
 use crate::rain::drops::rain_leaf::RainLeaf;
 use crate::rain::drops::spherical_cap::SphericalCap;
 use crate::rain::frame::{PendantDrop, SessileDrop};
@@ -90,9 +90,9 @@ impl DropDetail {
     }
 
     /// Number of rings and sides of the mesh of a cap; near the camera it depends on the size of the cap.
-    fn cap_grid(self, cap: &SphericalCap) -> [u32; 2] {
+    fn cap_rings_and_sides(self, cap: &SphericalCap) -> [u32; 2] {
         match self {
-            Self::Near if cap.max_radius() < LARGE_DROP_RADIUS => SMALL_DROP_GRID,
+            Self::Near if cap.widest_radius() < LARGE_DROP_RADIUS => SMALL_DROP_GRID,
             Self::Near => LARGE_DROP_GRID,
             Self::Far => FAR_DROP_GRID,
             Self::Distant => DISTANT_DROP_GRID,
@@ -245,7 +245,7 @@ impl DropMesh {
     fn add_cap(&mut self, placement: &DropPlacement<'_>, cap: &SphericalCap, drop: &SessileDrop) {
         // Polar angles run from 0 at the pole to the contact angle at the contact line.
         let theta = math::acos(cap.cos_angle.clamp(-1.0, 1.0));
-        let [rings, sides] = self.detail.cap_grid(cap);
+        let [rings, sides] = self.detail.cap_rings_and_sides(cap);
         // A cap that overhangs its base spans more than a quarter turn.
         let rings = if theta > FRAC_PI_2 { rings * 2 } else { rings };
         let n = placement.base.n;
@@ -404,7 +404,7 @@ impl DropMesh {
     /// Adds a pendant drop as a closed surface of revolution. `shapes`: profiles of its radius of attachment.
     pub fn add_pendant(&mut self, pose: &LeafPose, drop: &PendantDrop, shapes: &PendantFamily) {
         // The profile by volume, thinned if the drop is about to detach.
-        let profile = necked_profile(&shapes.profile(drop.volume), drop.necking);
+        let profile = profile_while_necking(&shapes.profile(drop.volume), drop.necking);
         let Some([_, length]) = profile.last().copied() else { return };
         let down = (pose.orientation * drop.axis).normalize_or(DVec3::NEG_Y);
         let (x, y) = down.any_orthonormal_pair();
@@ -553,8 +553,9 @@ mod tests {
                 drop.caps[0].cap = cap;
                 let mut water = DropMesh::default();
                 water.add_sessile(&leaf, &pose, &drop);
-                let sides =
-                    f64::from(if cap.max_radius() < LARGE_DROP_RADIUS { SMALL_DROP_GRID } else { LARGE_DROP_GRID }[1]);
+                let sides = f64::from(
+                    if cap.widest_radius() < LARGE_DROP_RADIUS { SMALL_DROP_GRID } else { LARGE_DROP_GRID }[1],
+                );
                 let under = 0.5 * sides * math::sin(TAU / sides) * cap.a * cap.a * UNDERSIDE_DEPTH;
                 let found = closed_volume(&water.mesh) - under;
                 assert!((found / volume - 1.0).abs() < 0.01, "{theta} {q} {omega:?}: {found} of {volume}");
@@ -592,7 +593,7 @@ mod tests {
                 let drop = sessile(60.0, volumes, CapDeformation::ROUND);
                 let mut water = DropMesh { detail, ..DropMesh::default() };
                 water.add_sessile(&leaf, &pose, &drop);
-                let predicted = detail.typical_size(drop.caps[0].cap.max_radius());
+                let predicted = detail.typical_size(drop.caps[0].cap.widest_radius());
                 let vertices = predicted.vertices / water.mesh.points.len() as f64;
                 let triangles = predicted.triangles / water.mesh.triangles.len() as f64;
                 assert!((0.5..2.0).contains(&vertices), "{detail:?} {volumes:?}: {vertices}");

@@ -86,8 +86,8 @@ impl TailedDropShape {
             drop.caps.iter().enumerate().map(|(i, c)| StretchedCap { cap: c.cap, stretch: stretch(i) }).collect();
         let (head, tail_end) = (*caps.first()?, *caps.last()?);
         let last_s = path.last()?.s;
-        let start = -head.cap.max_radius() * head.stretch;
-        let end = last_s + tail_end.cap.max_radius() * tail_end.stretch;
+        let start = -head.cap.widest_radius() * head.stretch;
+        let end = last_s + tail_end.cap.widest_radius() * tail_end.stretch;
         let skew = drop.deformation.skew;
         let knots = profile_knots(&path, &caps, skew);
         // Caps with a common center have no path between them: use the drop's axis.
@@ -128,8 +128,8 @@ impl TailedDropShape {
         let cap_section = |end: StretchedCap, x: f64| {
             let StretchedCap { cap, stretch } = end;
             let x = x / stretch;
-            let half_width = cap.max_radius() / stretch
-                * math::sqrt((1.0 - (x / cap.max_radius()).min(1.0) * (x / cap.max_radius())).max(0.0));
+            let half_width = cap.widest_radius() / stretch
+                * math::sqrt((1.0 - (x / cap.widest_radius()).min(1.0) * (x / cap.widest_radius())).max(0.0));
             CrossSection { half_width, height: cap.height((x / cap.a).abs()) }
         };
         if s <= first.s {
@@ -195,7 +195,7 @@ impl TailedDropShape {
 /// Height of a cap at a fraction `rho` of its largest radius, relative to its top.
 fn relative_cap_height(cap: &SphericalCap, rho: f64) -> f64 {
     let top = cap.top();
-    if top > 0.0 { cap.height(rho * cap.max_radius() / cap.a) / top } else { 0.0 }
+    if top > 0.0 { cap.height(rho * cap.widest_radius() / cap.a) / top } else { 0.0 }
 }
 
 /// Knots at the centers of the caps, with slopes for which the cubic pieces are monotonic wherever the sizes are: a tail without
@@ -205,7 +205,7 @@ fn profile_knots(path: &[BodyPathPoint], caps: &[StretchedCap], skew: f64) -> Ve
     for (point, StretchedCap { cap, stretch }) in path.iter().zip(caps) {
         // Of several caps at one place only the first has a knot.
         if knots.last().is_none_or(|knot| point.s - knot.s > 1e-7) {
-            knots.push(TailKnot { s: point.s, size: [cap.max_radius() / stretch, cap.top()], slope: [0.0; 2] });
+            knots.push(TailKnot { s: point.s, size: [cap.widest_radius() / stretch, cap.top()], slope: [0.0; 2] });
         }
     }
     // Inner knots; those at the ends keep slope 0.

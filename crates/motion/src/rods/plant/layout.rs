@@ -80,7 +80,7 @@ impl RodPlantLayout {
         let mut layout = Self { scale: f64::from(stand.s.x), ..Self::default() };
         // Find the axes that can be rods and select those within the budget, then add rods in the order of axes, so that a parent
         // precedes its children.
-        let rods = layout.candidate_axis_rods(plant, stand, params);
+        let rods = layout.rods_of_bending_axes(plant, stand, params);
         let selected = layout.stems_within_budget(plant, &rods, params);
         for (axis, rod) in plant.axes.iter().zip(rods) {
             let host = (axis.parent != NONE).then(|| layout.host_at(axis.parent, f64::from(axis.parent_s))).flatten();
@@ -107,7 +107,7 @@ impl RodPlantLayout {
     }
 
     /// Rod of each axis that may bend, without parent, and the arc length on the axis, m, from which on it bends.
-    fn candidate_axis_rods(
+    fn rods_of_bending_axes(
         &self,
         plant: &Plant,
         stand: &Trs,

@@ -14,7 +14,7 @@ use self::layout::{AxisMotion, RodPlantLayout};
 pub(crate) use self::rigid_blade::RigidBlade;
 use self::rigid_blade::{OrientedBlade, VortexShedding};
 use crate::rain::{LeafPose, RainPlant, WoodSegment};
-use crate::rods::StepFailure;
+use crate::rods::StepFailed;
 use crate::rods::prism::{CornerRigidMotion, Matrix9, SectionFrame, Vector9, corner_dot};
 use crate::rods::record::AIR_DENSITY;
 use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
@@ -104,7 +104,7 @@ impl RodPlant {
         let (mut own, mut water) = (Vec::new(), Vec::new());
         for (organ, attachment) in plant.organs.iter().zip(&layout.leaves) {
             let section = match (attachment.stalk, attachment.host) {
-                (Some(stalk), _) => rods.sections(stalk).last(),
+                (Some(stalk), _) => rods.sections_of_rod(stalk).last(),
                 (None, host) => host.map(|(rod, at)| rods.section_at_arc_length(rod, at)),
             };
             let frame = section.map_or(WORLD_FRAME, |s| rods.section_frame(s));
@@ -209,12 +209,12 @@ impl RodPlant {
         if self.rods.is_empty() {
             return 1;
         }
-        let turning = wind.map_or(0.0, |wind| self.fastest_blade_turn(wind));
+        let turning = wind.map_or(0.0, |wind| self.max_blade_swing_frequency(wind));
         self.rods.steps_per_frame(fps).max((turning / (STEP_PHASE * fps)).ceil() as u32)
     }
 
     /// Largest angular frequency, rad/s, at which a blade swings about its foot downwind of it in gusts, as a weather vane does.
-    fn fastest_blade_turn(&self, wind: &dyn Wind) -> f64 {
+    fn max_blade_swing_frequency(&self, wind: &dyn Wind) -> f64 {
         let square = |leaf: &RodPlantLeaf| {
             let (blade, scale) = (&leaf.blade, leaf.scale);
             let speed = PEAK_WIND * f64::from(wind.mean_at(leaf.now.position.as_vec3()).length());
@@ -251,7 +251,7 @@ impl RodPlant {
             AxisMotion::Rod(rod, from) => (rod, (s - from) * self.scale),
         };
         let mut before = self.rods.base_attachment(rod).map_or((None, 0.0), |(on, _)| (Some(on), 0.0));
-        for i in self.rods.sections(rod) {
+        for i in self.rods.sections_of_rod(rod) {
             let place = self.rods.arc_length(i);
             if place >= at && before.0.is_some() {
                 let share = (at - before.1) / (place - before.1).max(1e-12);
@@ -287,7 +287,7 @@ impl RodPlant {
             let AxisMotion::Rod(rod, _) = carried else { continue };
             let mut last =
                 self.rods.base_attachment(rod).map(|(on, f)| self.attach_wood_end(Some(on), f.p, self.rods.radius(on)));
-            for i in self.rods.sections(rod) {
+            for i in self.rods.sections_of_rod(rod) {
                 let end = self.attach_wood_end(Some(i), self.rods.reference_frame(i).p, self.rods.radius(i));
                 if let Some(last) = last {
                     let r = last.r.min(1.5 * end.r);
@@ -409,7 +409,7 @@ impl RodPlant {
     }
 
     /// Advances by `h` seconds from time `t`, s, in `n` equal substeps.
-    fn split_step(&mut self, t: f64, h: f64, n: u32) -> std::result::Result<(), StepFailure> {
+    fn split_step(&mut self, t: f64, h: f64, n: u32) -> std::result::Result<(), StepFailed> {
         let h = h / f64::from(n);
         for k in 0..n {
             self.apply_external_forces(t + f64::from(k) * h, h, k == 0);

@@ -77,7 +77,7 @@ impl NullaryFnOnce for BlockSolveKernel<'_> {
         // Back substitution from the roots to the tips: U x = y - U_up x_up - U_over x_over.
         for i in 0..rows.len() {
             let [up, over] = predecessors[i].map(|k| if k == NONE { [0.0; 9] } else { out[k as usize] });
-            out[i] = back_substitute(&rows[i], &up, &over);
+            out[i] = back_substitute_section(&rows[i], &up, &over);
         }
         true
     }
@@ -150,7 +150,7 @@ fn eliminate_into_second_predecessor(own: &BlockRow, over: &mut BlockRow) {
 
 /// Solution at one section, given the solution at its predecessors, from its factorized block row.
 #[inline(always)]
-fn back_substitute(own: &BlockRow, up: &Vector9, over: &Vector9) -> Vector9 {
+fn back_substitute_section(own: &BlockRow, up: &Vector9, over: &Vector9) -> Vector9 {
     let mut x = [0.0; 9];
     for k in (0..9).rev() {
         let row = &own.0[k];

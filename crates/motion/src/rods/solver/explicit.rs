@@ -1,7 +1,7 @@
 //! Integrators for comparison with the literature: symplectic and explicit Euler, and XPBD by single Gauss-Seidel
 //! passes.
 
-use crate::rods::StepFailure;
+use crate::rods::StepFailed;
 use crate::rods::prism::{
     CornerRigidMotion, SectionFrame, Vector9, add_to_corner, corner, corner_dot, transposed_matrix_vector,
 };
@@ -116,8 +116,8 @@ impl RodSystem {
     /// One XPBD step with a single Gauss-Seidel pass over the springs: converges for soft ropes only.
     /// Source: M. Macklin et al., "XPBD", 2016, with the springs of [yang-wu] as constraints.
     /// # Errors
-    /// [`StepFailure`] if a coordinate is not finite.
-    pub fn step_gauss_seidel(&mut self, h: f64) -> Result<(), StepFailure> {
+    /// [`StepFailed`] if a coordinate is not finite.
+    pub fn step_gauss_seidel(&mut self, h: f64) -> Result<(), StepFailed> {
         self.share = 1.0;
         self.prepare_step(h);
         // Predict velocities and positions from external loads, with implicit mass damping.
@@ -150,7 +150,7 @@ impl RodSystem {
             for k in 0..9 {
                 self.x[i][k] += h * self.v[i][k];
                 if !self.x[i][k].is_finite() {
-                    return Err(StepFailure);
+                    return Err(StepFailed);
                 }
             }
         }

@@ -9,16 +9,16 @@ const FIRST_STEP_IMPULSE_SHARE: f64 = 2.0 / 3.0;
 
 /// A step failed: the system was not positive definite, not finite, or diverged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct StepFailure;
+pub struct StepFailed;
 
 impl RodSystem {
     /// Advances by `h` seconds; on failure positions and velocities stay as before.
     /// Source: springs as constraints of compliance 1/k of [yang-wu]'s network, solved directly; Own: BDF2 in time,
     /// damping a M + b K, Newton's method with a stiffness that is never indefinite.
     /// # Errors
-    /// [`StepFailure`] if a value is not finite, leaves the divergence limit, or if Newton updates grow three times
+    /// [`StepFailed`] if a value is not finite, leaves the divergence limit, or if Newton updates grow three times
     /// running.
-    pub fn step_implicit(&mut self, h: f64) -> Result<(), StepFailure> {
+    pub fn step_implicit(&mut self, h: f64) -> Result<(), StepFailed> {
         let ht = if self.history_reset { h } else { 2.0 * h / 3.0 };
         // An impulse J enters a first (Euler) step as 2/3 J/h: the BDF2 steps that follow carry the rest of it, so that
         // the momentum gained in the end is J.
@@ -38,7 +38,7 @@ impl RodSystem {
         for _ in 0..MAX_STEP_ITERATIONS {
             self.assemble_newton_system(ht);
             if !self.solve_newton_update() {
-                return Err(StepFailure);
+                return Err(StepFailed);
             }
             let mut largest_update = 0.0_f64;
             for (x, d) in self.step.next.iter_mut().zip(&self.step.change) {
@@ -50,7 +50,7 @@ impl RodSystem {
             growing = if largest_update > previous_update { growing + 1 } else { 0 };
             let far = self.step.next.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
             if !largest_update.is_finite() || growing >= 3 || far > self.divergence_limit {
-                return Err(StepFailure);
+                return Err(StepFailed);
             }
             previous_update = largest_update;
             if largest_update < tolerance {

@@ -7,4 +7,4 @@ mod implicit;
 mod statics;
 
 pub use explicit::MAX_GAUSS_SEIDEL_STIFFNESS;
-pub use implicit::StepFailure;
+pub use implicit::StepFailed;
