@@ -72,6 +72,48 @@ fn crates_know_only_what_the_table_allows() {
     }
 }
 
+/// Whether an SPDX expression lets us take licenses of `allowed` alone: one alternative of each of its conditions is among them.
+/// Older manifests write `/` for `OR`.
+fn is_allowed(expression: &str, allowed: &BTreeSet<&str>) -> bool {
+    let expression = expression.replace('/', " OR ");
+    expression.split(" AND ").all(|condition| {
+        let condition = condition.trim_matches(['(', ')', ' ']);
+        condition.split(" OR ").any(|license| allowed.contains(license.trim()))
+    })
+}
+
+/// `deny.toml` is the list that `cargo deny`, which `tests/full.sh` runs, reads too.
+#[test]
+fn dependencies_come_from_the_registry_under_allowed_licenses() {
+    let text = fs::read_to_string(root().join("deny.toml")).expect("deny.toml");
+    let table: toml::Table = text.parse().expect("TOML");
+    let allowed: BTreeSet<&str> =
+        table["licenses"]["allow"].as_array().expect("a list").iter().filter_map(toml::Value::as_str).collect();
+    let yes = ["MIT", "MIT/Unknown", "(MIT OR Unknown) AND ISC"].map(|e| is_allowed(e, &allowed));
+    let no = ["Unknown", "MIT AND Unknown", "(ISC OR MIT) AND Unknown"].map(|e| is_allowed(e, &allowed));
+    assert_eq!((yes, no), ([true; 3], [false; 3]));
+
+    let output = std::process::Command::new(env!("CARGO"))
+        .current_dir(root())
+        .args(["metadata", "--format-version", "1", "--locked", "--offline", "--all-features"])
+        .output()
+        .expect("cargo");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let packages = metadata["packages"].as_array().expect("packages");
+    assert!(packages.len() > 100, "{}", packages.len());
+    for package in packages {
+        let name = &package["name"];
+        let license = package["license"].as_str().unwrap_or_default();
+        assert!(is_allowed(license, &allowed), "{name} has the license {license:?}");
+        let source = package["source"].as_str();
+        assert!(
+            source.is_none_or(|s| s == "registry+https://github.com/rust-lang/crates.io-index"),
+            "{name} is from {source:?}"
+        );
+    }
+}
+
 #[test]
 fn every_package_holds_the_texts_of_its_licenses() {
     for name in ["LICENSE-MIT", "LICENSE-APACHE"] {

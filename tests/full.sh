@@ -6,6 +6,11 @@ cd "$(dirname "$0")/.."
 bash tests/all.sh
 say() { printf '\n== %s\n' "$*"; }
 
+say "licences, sources and duplicates of the dependencies"
+# The database of advisories is not part of this: it changes without a change here.
+cargo deny --version >/dev/null 2>&1 || cargo install -q cargo-deny@0.20.2 --locked
+cargo deny check bans licenses sources
+
 say "the serial build is clean"
 cargo clippy --release --no-default-features --features cli --lib --bins -- -D warnings
 
