@@ -53,7 +53,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let mut of_scenes = Report::default();
     for planned in &runs {
         let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
-        request.set.extend(keys.iter().zip(&planned.values).map(|(k, v)| format!("{k}={v}")));
+        request.sweep.extend(keys.iter().zip(&planned.values).map(|(k, v)| format!("{k}={v}")));
         request.seed = planned.seed.or(request.seed);
         let (recipe, report) = resolve(&request)?;
         of_scenes.extend(report);

@@ -16,6 +16,10 @@ use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::Clip;
 
+/// Flags that give overrides, by which messages name them.
+const SET: &str = "--set";
+const SWEEP: &str = "--sweep";
+
 /// The text of a scene with overrides, folders and limits, as [`resolve`] takes it.
 #[derive(Debug, Clone, Default)]
 pub struct Request {
@@ -29,6 +33,8 @@ pub struct Request {
     pub library: Library,
     /// Overrides, `path=value`.
     pub set: Vec<String>,
+    /// Overrides of one run of a sweep, `path=value`, applied after `set`; messages name their flag.
+    pub sweep: Vec<String>,
     /// The plant or attractor to which overrides without a known table apply; `None` for a scene file.
     pub bare: Option<SingleSource>,
     /// Whether every system of a bare coefficient table is checked, and not only the one that is drawn.
@@ -102,9 +108,10 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let mut root = parse(&request.text, source, &mut report);
     // Overrides change the tree before any key is read, so that they are checked like the text.
     let registry = Registry::of::<Recipe>();
-    for set in &request.set {
-        let qualified = qualify_override(set, request.bare.as_ref(), &root, &registry);
-        apply_override(&mut root, &qualified, &mut report);
+    let set = request.set.iter().map(|assignment| (SET, assignment));
+    for (flag, assignment) in set.chain(request.sweep.iter().map(|assignment| (SWEEP, assignment))) {
+        let qualified = qualify_override(assignment, request.bare.as_ref(), &root, &registry);
+        apply_override(&mut root, flag, &qualified, &mut report);
     }
     if report.has_errors() {
         return Err(Error::Input(Box::new(report)));
@@ -206,7 +213,7 @@ fn suggest_other_places(report: &mut Report) {
 /// If a plant that nothing grows is one of overrides alone, its name is misspelt: names the plants of the scene in the help.
 fn suggest_plants(root: &TomlTable, report: &mut Report) {
     let Some(plants) = root.table("plants") else { return };
-    let is_override = |e: &TomlEntry| report.sources.name(e.key_span.source) == "--set";
+    let is_override = |e: &TomlEntry| [SET, SWEEP].contains(&report.sources.name(e.key_span.source));
     let own: Vec<&str> = plants.entries.iter().filter(|e| !is_override(e)).map(|e| e.key.as_str()).collect();
     let added: Vec<&TomlEntry> = plants.entries.iter().filter(|e| is_override(e)).collect();
     if own.is_empty() {

@@ -59,7 +59,7 @@ pub fn load(
     let mut request = find_scene(name, &context.sources)?;
     request.steps = args.steps;
     // The cell's overrides follow those of the command line, and its seed replaces theirs.
-    request.set.extend(variation.set.iter().cloned());
+    request.sweep.extend(variation.set.iter().cloned());
     request.seed = variation.seed.or(request.seed);
     let (recipe, warnings) = resolve(&request)?;
     Ok(PreviewScene::of_recipe(recipe, quality, with_motion, work)?.with_warnings(warnings))

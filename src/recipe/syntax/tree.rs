@@ -262,10 +262,10 @@ fn path_elements(path: &str, source: SourceId) -> Vec<(&str, Span)> {
     elements
 }
 
-/// Applies `path = value` (one `--set`) to a tree. Path elements are table keys, in quotes if they have dots, or, in lists,
+/// Applies `path = value` (one override) to a tree; `flag` names it in messages. Path elements are table keys, in quotes if they have dots, or, in lists,
 /// indices from 0; missing tables are created.
-pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Report) {
-    let source = report.sources.add("--set", assignment);
+pub fn apply_override(root: &mut TomlTable, flag: &str, assignment: &str, report: &mut Report) {
+    let source = report.sources.add(flag, assignment);
     let whole = Span::new(source, 0, assignment.len());
     let Some((path, text)) = split_outside_quotes(assignment, '=') else {
         let d = Diagnostic::error("S001", "an override is written path=value", whole, "no '=' here");
@@ -412,7 +412,7 @@ mod tests {
         let source = report.sources.add("a.toml", text);
         let mut t = parse(text, source, &mut report);
         for s in sets {
-            apply_override(&mut t, s, &mut report);
+            apply_override(&mut t, "--set", s, &mut report);
         }
         (t, report)
     }
