@@ -61,7 +61,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     context.console.report(&unselected);
     // The default folder is named after the scene.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
-    // Those of the scene's text and of the selection, which the manifest does not hold.
+    // Warnings of the scene's text and of the selected frames, which the manifest does not contain.
     let warning_count = warnings.diagnostics.len() + unselected.diagnostics.len();
     let hash = recipe.hash_of_frames(&frames);
     if !context.common.dry_run

@@ -372,7 +372,7 @@ impl Resolver<'_> {
                 continue;
             }
             reported.push(&plant.name);
-            // A plant without a site has that of all defaults; its own table is then the place.
+            // A plant without a table `site` has the defaults: point at its own table instead.
             let span = |name: &str| {
                 let site = span_of(root, &["plants", name, "site"]);
                 site.or_else(|| span_of(root, &["plants", name])).unwrap_or(self.whole)

@@ -79,7 +79,8 @@ struct OriginSearch<'a> {
 }
 
 impl OriginSearch<'_> {
-    /// The origin of the next module, recognised by its lineage: that of a made module follows from the lineage of its parent.
+    /// Origin of the next module of the final string. A module that the step made is recognised by its lineage, which follows
+    /// from that of its parent.
     fn origin(&mut self, m: Module<'_>) -> Origin {
         let code = u64::from(u32::from(self.grammar.symbols().get(m.symbol)));
         let lineage = m.lineage();

@@ -58,7 +58,7 @@ impl ExpectedDrops {
         let fall_time = (height + tuning::EMITTER_HEIGHT) / speed;
         let airborne = emitter.mean_drop_rate() * fall_time;
         let area: f64 = leaves.iter().map(|f| f.surface.area() * f.scale * f.scale).sum();
-        // The mean over the clip of a number that grows until drops run off as fast as new ones come.
+        // The number of drops on leaves grows until as many run off as arrive; take its mean over the clip.
         let clip = recipe.clip.len() as f64 / recipe.clip.fps();
         let keys = recipe.rain.as_ref().map(|rain| &rain.keys);
         let spin_up = keys.map_or(0.0, |k| k.spin_up);

@@ -563,7 +563,8 @@ fn record_frames(
             simulation.take_events();
         }
     }
-    // Those of the steps after the last whole frame, too; that drops are laid on leaves is part of the clip.
+    // Also discard the events of the steps after the last whole frame; but the deposition of the initial drops belongs to the
+    // clip.
     simulation.take_events();
     initial_drops::deposit_initial_drops(simulation, &rain.lying);
 

@@ -128,7 +128,7 @@ impl SweptBounds {
         if rest.is_empty() || swept.is_empty() {
             return at_rest;
         }
-        // Blades reach beyond their pivots by as much in the wind as at rest.
+        // Blades extend beyond their pivots as far in the wind as at rest: extend the bounds at rest by the motion of the pivots.
         Bounds {
             min: at_rest.min - (rest.min - swept.min).max(Vec3::ZERO),
             max: at_rest.max + (swept.max - rest.max).max(Vec3::ZERO),

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-/// Prefix of the name of the call that stands for an element of such a list, by an index that is in its list or -1.
+/// Prefix of the name of the call that represents an element of such a list. Its argument is an index within the list, or -1 for
+/// none.
 pub(super) const ELEMENT: &str = "(element) ";
 
 /// A list or dictionary of the model that productions change.
@@ -10,9 +11,9 @@ pub(super) const ELEMENT: &str = "(element) ";
 pub(super) struct ChangedList {
     /// Index of its array among the arrays of the model.
     pub number: usize,
-    /// Of a dictionary the array of its keys, in the order of its values; `None`: a list.
+    /// For a dictionary, the index of the array of its keys, in the order of its values; `None` for a list.
     pub keys: Option<usize>,
-    /// What its items are where these are lists or vectors, whose numbers are elements one after the other.
+    /// Kind of its items if these are lists or vectors, whose numbers are consecutive elements of the array; `None` for numbers.
     pub row: Option<ListRow>,
 }
 

@@ -21,8 +21,8 @@ use super::statement::{Statement, Store};
 use super::vectors::{coordinates_of, dimension, vector};
 use crate::code::{ArrayShape, BinaryOp, ElementAccess, Op};
 
-/// Elements of all lists that change, of which each has the same share. Variables of the model need slots, too, of which there are
-/// 65,535.
+/// Limit on the elements of all changed lists together; each list gets an equal share. The rest of the 65,535 slots is for
+/// variables of the model.
 const MAX_ELEMENTS: usize = 49_152;
 /// Most items of one such list. Own: the machine is copied with its variables in each step.
 const MAX_LENGTH: usize = 8_192;
@@ -33,7 +33,7 @@ const MAX_LISTS: usize = 64;
 /// Name of the call that stands for the position of a key in such a dictionary; no function has it.
 const POSITION: &str = "(position)";
 
-/// What the items of a list are by an expression that need not be resolved; `None` for one that may be a number.
+/// Kind of the items of a list, derived from an unresolved expression for one item; `None` if the item may be a number.
 fn row_of(e: &PyExpr) -> Option<ListRow> {
     match e {
         PyExpr::List(items, _) if !items.is_empty() => Some(ListRow { width: items.len(), is_vector: false }),
@@ -60,7 +60,7 @@ fn keys_name(dictionary: &str) -> String {
     format!("(keys of {dictionary})")
 }
 
-/// Words of a text that are names.
+/// True if `word` occurs in `text` as a whole word.
 fn has_word(text: &str, word: &str) -> bool {
     text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|own| own == word)
 }
@@ -70,11 +70,11 @@ fn has_word(text: &str, word: &str) -> bool {
 struct ListNames {
     /// Lists of the model: set outside of blocks, or in a block that declares the name `global`.
     made: BTreeSet<String>,
-    /// Names that some block has for a variable or parameter of its own.
+    /// Names that some block uses for a local variable or a parameter.
     own: BTreeSet<String>,
     /// Names that blocks change as lists.
     changed: BTreeSet<String>,
-    /// What the items are that they get.
+    /// Kind of the items that blocks add to each list.
     rows: BTreeMap<String, ListRow>,
 }
 
@@ -83,7 +83,7 @@ impl ListNames {
     fn add_block(&mut self, head: &str, block: &[Line<'_>]) {
         let mut global: BTreeSet<String> = BTreeSet::new();
         let (mut set, mut lists, mut altered) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
-        // A statement may stand behind the heading of a block on its line.
+        // A statement may follow the heading of a block on the same line.
         let parts = block.iter().flat_map(|line| {
             let piece = line.piece;
             let (word, _) = piece.first_word(&['(', ':', '=', '[']);
@@ -132,7 +132,8 @@ fn is_list_text(text: &str) -> bool {
 }
 
 impl Model<'_, '_> {
-    /// Finds the lists and dictionaries of the model that productions and functions change, whose name no block has for another value.
+    /// Finds the lists and dictionaries of the model that productions and functions change, except those whose name is a local
+    /// variable or parameter in some block.
     pub(super) fn find_changed_lists(&mut self, list: &[Line<'_>]) {
         let mut names = ListNames::default();
         let mut i = 0;
@@ -208,7 +209,7 @@ impl Model<'_, '_> {
                 continue;
             }
             let is_list = keys.is_empty();
-            // Rows of numbers, one after the other.
+            // Items that are lists or vectors are stored as rows of numbers, one after the other.
             let known = self.scope.rows.get(&name).copied();
             let row = items.first().map_or(known, row_of);
             let length = items.len();
@@ -256,7 +257,7 @@ impl Model<'_, '_> {
         list_of(e, &self.scope).is_some_and(|(_, list)| list.keys.is_some())
     }
 
-    /// Where a statement sets an item of such a list.
+    /// The position, in the array of a list, that a store writes.
     pub(super) fn position_of(&self, store: &Store) -> Result<PyExpr, Refusal> {
         let index = resolve(&store.index, &self.scope, 0)?;
         let range = range_of(&index);
@@ -296,7 +297,7 @@ impl Model<'_, '_> {
         Ok(Some(items.iter().enumerate().map(column).collect()))
     }
 
-    /// Appends a store that nothing takes back.
+    /// Appends the code of a store that is never undone.
     pub(super) fn plain_store(&self, store: &Store, ops: &mut Vec<Op>) -> Result<(), Refusal> {
         let Some(list) = self.scope.arrays.get(&store.list) else { return Ok(()) };
         if may_be_list(&store.value, &self.scope)
@@ -338,7 +339,7 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// Appends the stores that a change of a list, or another list under its name, is.
+    /// Appends the stores that replace a change of a list, or the assignment of another list to its name.
     fn append_stores(&self, name: &str, e: PyExpr, out: &mut Vec<Statement>) -> Result<(), Refusal> {
         let place = range_of(&e);
         let length = || PyExpr::Name(length_name(name), place.clone());
@@ -353,7 +354,7 @@ impl Model<'_, '_> {
             out.push(Statement::Store(store));
             set_length(sum(1.0), out);
         };
-        // A dictionary gets the key behind its last one, unless it has the key.
+        // A key that the dictionary lacks is appended after its last key.
         let is_dictionary = self.scope.elements.iter().any(|own| own.name == keys_name(name));
         let set_key = |key: &PyExpr, value: &PyExpr, k: usize, out: &mut Vec<Statement>| {
             let [key_name, found, at] =
@@ -436,7 +437,7 @@ impl Model<'_, '_> {
             PyExpr::Binary(PyOp::Add, before, more) if matches!(&**before, PyExpr::Name(own, _) if own == name) => {
                 extend(more, out)?;
             }
-            // Another list under the name of this one.
+            // Assignment of another list to this name: its items replace all present ones.
             other => {
                 let items = match resolve(other, &self.scope, 0) {
                     Ok(PyExpr::List(items, _)) if !is_dictionary => items,
@@ -467,7 +468,7 @@ impl Model<'_, '_> {
     }
 }
 
-/// The list of the model, which productions change, that a name stands for.
+/// The name and the changed list of the model to which an expression refers; `None` for anything else.
 pub(super) fn list_of<'s>(e: &PyExpr, scope: &'s Scope) -> Option<(&'s str, &'s ChangedList)> {
     let PyExpr::Name(name, _) = e else { return None };
     if scope.arrays.is_empty() || scope.locals.contains(name) {
@@ -526,7 +527,8 @@ fn key_position(name: &str, keys: usize, key: PyExpr, scope: &Scope, range: &Ran
     run(Search::Key, keys, args, scope, range)
 }
 
-/// The item at a position of what a loop goes over: a list, or the keys, values or both of a dictionary. `None` for anything else.
+/// The item at a position of the keys, values or items of a changed dictionary, over which a loop iterates; `None` for anything
+/// else.
 pub(super) fn turn_item(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Option<PyExpr> {
     let PyExpr::Call(method, args, _) = list else { return None };
     let (name, own) = list_of(args.first()?, scope)?;
@@ -596,7 +598,7 @@ pub(super) fn element(
     Ok(if row.is_vector { vector(items, range.clone()) } else { PyExpr::List(items, range.clone()) })
 }
 
-/// What a call gives of such a list, the first argument but for `in`; `None` for any other call.
+/// Result of a call on such a list, which is its first argument, or the second one of `in`; `None` for other calls.
 pub(super) fn call(
     function: &str,
     args: &[PyExpr],
@@ -643,7 +645,7 @@ pub(super) fn call(
     })
 }
 
-/// What code that goes through all items of a list finds.
+/// Result of generated code that loops over all items of a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Search {
     Sum,
@@ -670,7 +672,7 @@ fn run(search: Search, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &R
                 ops.extend([item[0], item[1], Op::Local(3), binary(BinaryOp::Eq), Op::JumpIfZero(first + 9)]);
                 ops.extend([Op::Local(0), Op::StoreLocal(1), Op::Local(2), Op::StoreLocal(0)]);
             }
-            // The first item, and each that is less or greater than what is the result so far.
+            // Take the first item, and every later one that is less (or greater) than the result so far.
             Search::Least | Search::Greatest => {
                 let compares = if search == Search::Least { BinaryOp::Lt } else { BinaryOp::Gt };
                 ops.extend([Op::Local(0), Op::Const(0.0), binary(BinaryOp::Eq), Op::Or(first + 8)]);

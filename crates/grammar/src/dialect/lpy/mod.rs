@@ -94,7 +94,8 @@ struct Model<'r, 's> {
     given: BTreeMap<&'static str, usize>,
     /// True while the statements of the axiom are read, whose loops are unrolled.
     is_in_axiom: bool,
-    /// The statements that are read are no block of a production or function: lists that these change are lists there.
+    /// True while statements outside of all productions and functions are read. There, the lists that productions change are
+    /// still ordinary lists.
     is_outside_of_blocks: bool,
     /// Number of statements of Python that the model could not run without.
     refusals: usize,
@@ -301,7 +302,7 @@ impl Model<'_, '_> {
         let called = functions.iter().map(|f| {
             let code =
                 self.scope.with_tables(Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() });
-            // Loops over lists count at the place of their first call.
+            // Iterations of loops over lists are counted at the source place of the first call of the function.
             let mut code = code;
             if code.ops.iter().any(|op| matches!(op, Op::Count(_))) {
                 code.places = vec![self.reader.place(f.place.clone())];

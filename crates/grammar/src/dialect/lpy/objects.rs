@@ -179,7 +179,8 @@ impl Model<'_, '_> {
             }
         }
         self.find_methods(list);
-        // Attributes that lines other than those of `__init__` set: objects that have one are shared by those who hold them.
+        // Collect the attributes that lines outside of `__init__` set. Objects with such an attribute can change, so all holders
+        // would see the change.
         let targets = list.iter().filter_map(|line| attribute_target(line.piece));
         self.changed_attributes.extend(targets.filter(|t| t.object.text != "self").map(|t| t.field.to_owned()));
     }
@@ -205,7 +206,8 @@ impl Model<'_, '_> {
         for method in methods_of(list, i, indent) {
             let Some(line) = list.get(method.index) else { continue };
             let name = format!("{METHOD}{}", method.name);
-            // Of two methods of one name a call does not tell which is meant.
+            // If several classes have a method of the same name, a call does not determine which one is meant; such a method is
+            // refused.
             if self.scope.refused_functions.contains_key(&name) {
                 continue;
             }
@@ -262,7 +264,7 @@ impl Model<'_, '_> {
                     continue;
                 }
                 if !is_head {
-                    // Axioms and functions pass only objects made in the same text.
+                    // Axioms and functions have no objects in their heads: they can pass on only objects made on the same line.
                     self.note_objects(*line, names, &BTreeMap::new());
                     continue;
                 }
@@ -319,7 +321,7 @@ impl Model<'_, '_> {
     }
 }
 
-/// A method of a class, but for those with special names: its name and line.
+/// A method of a class (name and line), except methods whose names begin with `__`.
 struct Method<'t> {
     name: &'t str,
     index: usize,

@@ -200,7 +200,8 @@ pub(super) fn lambda(piece: Piece<'_>) -> Option<Lambda<'_>> {
     Some(Lambda { params, defaults, value })
 }
 
-/// A name that takes an item of a list, or the part of the item that these indices lead to: of `i, (a, b)` b is at 1, 1.
+/// A name that a comprehension or loop sets to an item of a list, or to the part of the item at these nested indices: in `i, (a,
+/// b)` the path of b is 1, 1.
 struct ItemTarget {
     name: String,
     path: Vec<usize>,
@@ -685,7 +686,7 @@ impl PyParser {
         if !self.eat_word("in") {
             return Err(Refusal::new("'for'", place));
         }
-        // The value was read before; the tests enclose it.
+        // `value`, which precedes `for`, has been parsed already; the tests are parsed next and wrap it.
         let mut height = self.height;
         let list = self.or()?;
         height = height.max(self.height);
@@ -711,7 +712,7 @@ impl PyParser {
         Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
     }
 
-    /// Reads the names of `for i, (a, b) in`. `path`: where what they take apart stands in the item.
+    /// Reads the names of `for i, (a, b) in`. `path`: position within the item of the part that these names unpack.
     fn targets(&mut self, path: &[usize], out: &mut Vec<ItemTarget>) -> Result<(), Refusal> {
         let first = out.len();
         let mut count = 0;
@@ -745,7 +746,7 @@ impl PyParser {
     /// side by side.
     fn mapped(&mut self, is_filter: bool, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let place = self.here();
-        // A lambda gives names and a value, a function only its name.
+        // A lambda gives parameter names and a value; otherwise only the name of a function is given.
         let (mut names, mut value) = (Vec::new(), None);
         let mut function = None;
         if self.eat_word("lambda") {

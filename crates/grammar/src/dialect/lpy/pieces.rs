@@ -95,7 +95,7 @@ pub(super) fn is_name(text: &str) -> bool {
     chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
 }
 
-/// What stands within the parentheses that a text begins and ends with; `None` for a text that is more or less than that.
+/// The contents of the parentheses that enclose a whole text; `None` if the text is not entirely in one pair of parentheses.
 pub(super) fn inside(piece: Piece<'_>) -> Option<Piece<'_>> {
     let inner = piece.text.strip_prefix('(')?;
     let end = closing(inner).filter(|end| end + 1 == inner.len())?;

@@ -68,7 +68,7 @@ impl Model<'_, '_> {
                 }
                 return next;
             }
-            // Imports that may fail; what follows an `except` runs where they do.
+            // A `try` block of imports only: read the imports and skip the `except` blocks, since imports never fail here.
             "try" if rest.text == ":" && only_imports(block) => {
                 block.iter().for_each(|l| self.import(l.piece));
                 let mut end = next;
@@ -80,7 +80,7 @@ impl Model<'_, '_> {
                 return end;
             }
             "if" | "for" | "while" | "try" => {
-                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
+                // Include the `elif` and `else` blocks of an `if`, the `else` block of a loop, and the other blocks of a `try`.
                 let mut end = next;
                 let more_words: &[&str] =
                     if word.text == "try" { &["except", "else", "finally"] } else { &["elif", "else"] };
@@ -102,7 +102,7 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
-            // Read before; one that cannot be read is refused where an object is made.
+            // The attributes of classes were read earlier; a class that cannot be read is refused where an object of it is made.
             "class" => {
                 self.methods(list, i, line.indent);
                 return next;
@@ -251,7 +251,8 @@ impl Model<'_, '_> {
 
     /// Sets a value of the model: a constant, or a number that is drawn once.
     pub(super) fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
-        // A function of statements runs as in the block of an axiom. One that cannot is named where the value is used.
+        // A value that calls a function of statements is computed like a block of the axiom. If the function cannot run, the use
+        // of the value is refused.
         let mut refused = None;
         if first_call(e, &|name| self.has_body(name)).is_some() {
             match self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range) {

@@ -208,7 +208,7 @@ impl Model<'_, '_> {
             self.refuse(&why.remedy("call it in StartEach(), which runs before each step"));
             return None;
         }
-        // Productions of a group wait for its number.
+        // Productions of a group apply only while the number of the active group is theirs.
         if self.group.abs() > 0.0 {
             let active = PyExpr::Name(GROUP.to_owned(), 0..0);
             let is = PyExpr::Binary(PyOp::Eq, Box::new(active), Box::new(PyExpr::Number(self.group)));
@@ -227,9 +227,9 @@ impl Model<'_, '_> {
             self.refuse(&why.remedy("end each way by 'produce' with the module that holds the object: produce A(p)"));
             return None;
         }
-        // A way without modules still assigns variables of the model; the next production is tried after it.
+        // An execution path that makes no modules still assigns variables of the model; then the next production is tried.
         let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty() || w.stores()).collect();
-        // A variable that only other ways set has no value: L-Py ends with an error on such a way.
+        // On a path that does not set a variable, the variable has no value, and L-Py would end with an error.
         let is_of_head = |name: &String| self.rule_lists.iter().any(|(own, _)| own == name);
         names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name) && !is_of_head(name));
         let unset: Vec<Option<&String>> =

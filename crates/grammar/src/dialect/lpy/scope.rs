@@ -57,14 +57,15 @@ pub(super) struct Scope {
     pub is_backward: bool,
     /// Lists and dictionaries of the model that productions and functions change, by name.
     pub changing: Rc<BTreeSet<String>>,
-    /// Those of them that are arrays of the machine, as blocks see them; empty until the values of the model are known.
+    /// Those of the lists in `changing` that are arrays of the stack machine, as blocks access them; empty until the values of
+    /// the model are known.
     pub arrays: BTreeMap<String, ChangedList>,
-    /// What the items of those of them are that hold lists or vectors, as the text tells.
+    /// Kind of the items of those changed lists that hold lists or vectors, derived from the text.
     pub rows: BTreeMap<String, ListRow>,
     /// The arrays, in the order of their numbers. Their elements are the first global variables.
     pub elements: Rc<Vec<ElementAccess>>,
     pub array_slots: usize,
-    /// Its steps have different directions.
+    /// True if the steps of the model have different rewriting directions.
     pub direction_changes: bool,
     /// Calls of functions in the expression that is resolved.
     pub calls: Cell<usize>,

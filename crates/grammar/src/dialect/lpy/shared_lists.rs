@@ -107,7 +107,8 @@ impl Model<'_, '_> {
         Ok(HandedOn::new(e))
     }
 
-    /// Refuses an object with two holders if some line of the model changes such objects: in Python both would change.
+    /// Refuses an object that two names or modules hold if some line of the model changes such objects: in Python the change
+    /// would be visible to both.
     fn check_objects(&self, statement: &Statement, way: &Way) -> Result<(), Refusal> {
         let object = |e: &PyExpr| match e {
             PyExpr::Name(name, place) => {

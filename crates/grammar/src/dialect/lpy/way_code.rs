@@ -109,7 +109,7 @@ impl Model<'_, '_> {
         // draw the same random numbers, because they represent the same run of Python.
         let result = self.scope.local("(applies)");
         let mut ops = vec![Op::RestartDraws];
-        // Jumps of conditions that fail, each with the number of stores before it: these are taken back.
+        // Jumps of failing conditions, each with the number of stores made before it, which must be undone.
         let mut failures = Vec::new();
         let mut undone = Vec::new();
         let mut stored_in_loop: Option<Range<usize>> = None;
@@ -157,7 +157,8 @@ impl Model<'_, '_> {
         ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
         let jump = ops.len();
         ops.push(Op::Pop);
-        // A condition that fails after some stores continues where the last of them is taken back.
+        // A condition that fails after some stores jumps to the code that undoes the last of them; that code continues with the
+        // earlier ones.
         for count in (0..=undone.len()).rev() {
             for (at, _) in failures.iter().filter(|(_, before)| *before == count) {
                 ops[*at] = Op::JumpIfZero(ops.len());
@@ -181,7 +182,8 @@ impl Model<'_, '_> {
         let at = compile(&self.position_of(store)?, &self.scope)?;
         append_code(ops, &at.ops);
         let (index, old) = (self.scope.local(&index_name), self.scope.local(&old_name));
-        // The present element, for a condition behind that fails; one behind the last item is none.
+        // Save the present element, so that a later condition that fails can restore it; beyond the last item there is no element
+        // to save.
         ops.extend([Op::StoreLocal(index), Op::Local(index), Op::LoadElement(own.number), Op::StoreLocal(old)]);
         ops.push(Op::Local(index));
         append_code(ops, &value.ops);
@@ -195,7 +197,7 @@ impl Model<'_, '_> {
         let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
         let calls = ops.iter().any(|op| matches!(op, Op::Call(_)));
         let functions = calls.then(|| Arc::clone(&self.scope.run_code));
-        // Places of calls follow those of the loops.
+        // In the list of places, those of calls follow those of loops: shift their indices.
         for op in &mut ops {
             if let Op::Table(_, place) = op {
                 *place = place.saturating_add(places.len());

@@ -271,7 +271,7 @@ impl Model<'_, '_> {
             let why = Refusal::new(why, range_of(value));
             return Err(why.remedy("keep each coordinate of points in a list of its own"));
         }
-        // Index and value are taken now, as those of assignments are.
+        // Evaluate index and value now, like the values of assignments, because their variables may change later.
         let is_plain = |e: &PyExpr| match e {
             PyExpr::Number(_) | PyExpr::Name(..) | PyExpr::Text(..) => true,
             PyExpr::List(both, _) => both.iter().all(|e| matches!(e, PyExpr::Number(_) | PyExpr::Name(..))),
@@ -389,7 +389,7 @@ impl Model<'_, '_> {
         // An object that the function changes is the caller's, so that it keeps the caller's name.
         let mut is_same = vec![false; params.len()];
         for ((k, param), arg) in params.iter().enumerate().zip(&args) {
-            // So is a list that the caller has made and the function changes.
+            // The same holds for a list that the caller has made and that the function changes.
             let is_own_list = |name: &String| {
                 let list = way.lists.get(name).and_then(|list| self.list_of(list, way));
                 matches!(list, Some(PyExpr::List(..))) && changes(&body, param)

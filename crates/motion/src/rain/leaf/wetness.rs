@@ -23,7 +23,8 @@ impl DryingLaw {
     }
 }
 
-/// Reads wetness from a grid at one time. Places close together have mostly been covered at the same time: the last power is reused.
+/// Reads wetness from a grid at one time. Neighbouring places mostly have been covered at the same time, so the last wetness is
+/// reused.
 #[derive(Debug)]
 pub(in crate::rain) struct WetnessReader<'a> {
     grid: &'a WetnessGrid,

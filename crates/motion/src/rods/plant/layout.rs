@@ -106,7 +106,7 @@ impl RodPlantLayout {
         }
     }
 
-    /// Rod of each axis that may bend, without parent, and the arc length on the axis, m, from which on it bends.
+    /// Rod (without parent) of each axis that may bend, and the arc length on the axis, m, at which the bending part begins.
     fn candidate_axis_rods(
         &self,
         plant: &Plant,

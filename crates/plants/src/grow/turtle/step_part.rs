@@ -148,8 +148,9 @@ impl GrowingString<'_> {
     }
 }
 
-/// Interpolates the parameters of modules that only change these in the last step, apart from segments and moves, whose
-/// lengths [`StepGrowth`] holds. `step_symbols`: for each symbol, whether it is a segment or a move.
+/// Interpolates the parameters of modules that the last step replaces by a module of the same symbol and number of parameters.
+/// Segments and moves are left out; [`StepGrowth`] holds their lengths. `step_symbols`: for each symbol, whether it is a segment
+/// or a move.
 pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, step_symbols: &[bool]) {
     let Some(step) = derived.last_step() else { return };
     let part = step.part;

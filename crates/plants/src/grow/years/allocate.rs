@@ -147,7 +147,7 @@ impl Tree {
             if shed && (total <= 0.0 || whip || old && !is_main && total < habit.shed * wood) {
                 nodes.flags[i] |= flag::DEAD;
                 nodes.death[i] = this_year;
-                // The pipes that fed it remain in the wood below, as far as the species keeps them.
+                // The share `pipe_memory` of the cross-section that supplied the dead branch remains in the wood below.
                 nodes.lost[parent] += habit.pipe_memory * nodes.area[i];
                 self.losses.push(Loss { at: nodes.parent[i], light: nodes.gathered[i] });
                 continue;

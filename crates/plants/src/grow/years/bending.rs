@@ -470,7 +470,8 @@ impl WithSimd for BendKernel<'_> {
         for first in (0..MOST_LANES).step_by(lanes) {
             let part = first..first + lanes;
             let q = group.rotation.load(simd, &part).times(group.orientation.load(simd, &part));
-            // The angle to hanging, and the share of it that a bend may use (`limited_bend`).
+            // Angle between the internode and the direction straight down, times the share of it that a bend may use
+            // (`limited_bend`).
             let down = -q.y_axis().y;
             let angle = angle_of_magnitude(down.max(-down));
             let angle = down.select_lt(0.0, F32Lanes::from_scalar(simd, std::f32::consts::PI) - angle, angle);

@@ -124,7 +124,7 @@ fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
     };
     let (q, own) = (wood.q[i], wood.r[i] * wood.shown[i]);
     let Some(next) = wood.q.get(source.next as usize) else { return PosedNode { p, q, r: own } };
-    // Wood that is not there at this time has no part in the mean.
+    // Wood that does not exist at this time has weight 0 in the mean direction.
     let n = source.next as usize;
     let (here, ahead) = (y_axis(q), y_axis(*next) * wood.shown[n]);
     let tangent = math::normalize_or(here + ahead, here);

@@ -82,7 +82,7 @@ impl Tree {
             self.prune(prune);
         }
         let bears = !self.buds.is_empty() || (0..self.nodes.len()).any(|i| self.nodes.grows(i));
-        // Of several years of cuts in the dark the first one counts.
+        // Keep the year of the cut that took the last tips and buds: later cuts find the tree without light (`dark` > 0).
         if bears {
             self.bared = None;
         } else if !prunes.is_empty() && self.dark == 0 {

@@ -156,7 +156,8 @@ impl GrowthRecord {
     /// Whether a node is in the clip: those that are visible at some time of it, and seedlings.
     pub(super) fn is_shown(&self, i: usize) -> bool {
         let [first, last] = self.span.ordered();
-        // A tree that is sown after the end of the clip has its seedling in it, which is never seen: a plant needs an axis.
+        // A plant needs an axis: a tree that is sown after the end of the clip therefore keeps its seedling, which is never
+        // visible.
         let begins = self.start(i) < last || self.tree.nodes.birth[i] <= 0.0;
         begins && self.fall_window(i).is_none_or(|[_, end]| end > first)
     }
