@@ -235,11 +235,11 @@ fn selection(context: &Context, args: &Bake, recipe: &Recipe) -> std::result::Re
 }
 
 /// The manifest of the folder if the folder is up to date: complete, written by this program from the same scene, and closed
-/// by the run that wrote it. `hash`: of the scene and its frames.
+/// by the run that wrote it. `hash`: hash of the scene and its frames.
 fn current(context: &Context, root: &Path, hash: &str) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
-    // Another version of the program may write other bytes for the same hash.
-    // `is_settled` compares the key, which holds the sources, with the one that the last run left in the folder.
+    // The hash covers only the scene and its frames; another version of the program may write other bytes. `is_settled` compares
+    // the key, which contains a hash of the program's sources, with the key that the last run left in the folder.
     let is_same = m.scene.hash == hash && m.version == VERSION;
     (is_same && found.is_complete() && is_settled(root, &key(hash))).then_some(m)
 }

@@ -26,7 +26,8 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
-    // Parameters are those of the scenes that are named; presets are drawn with the seed.
+    // Flags without effect: none for parameters, which are read from the named scenes; three for presets; all scene flags for
+    // other lists.
     let without_effect: &[&'static str] = match args.what {
         What::Knobs => &[],
         What::Presets => &["--set", "--dialect", "--rng"],

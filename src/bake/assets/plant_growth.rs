@@ -200,7 +200,7 @@ fn derive_individual(
     set: &MaterialSet,
     context: &BakeContext<'_>,
 ) -> Result<DerivedString> {
-    let options = derive_options(recipe, individual);
+    let options = derivation_options(recipe, individual);
     turtle::derive(grammar, &options, &turtle_options(recipe, set)?, context.limits)
 }
 
@@ -215,7 +215,7 @@ pub fn derived_string_text(
 ) -> Result<DerivedString> {
     // The materials of organs do not change a string.
     let turtle = turtle_options(recipe, &MaterialSet::default())?;
-    turtle::derive_text(grammar, &derive_options(recipe, individual), &turtle, context.limits)
+    turtle::derive_text(grammar, &derivation_options(recipe, individual), &turtle, context.limits)
 }
 
 /// Number of derivation steps, rounded up: a fraction draws a part of the last one.
@@ -224,7 +224,7 @@ fn whole_steps(steps: f64) -> u32 {
     steps.ceil() as u32
 }
 
-fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOptions {
+fn derivation_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOptions {
     DeriveOptions {
         seed: individual.seed,
         plant_id: individual.id,

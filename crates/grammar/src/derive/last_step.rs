@@ -1,4 +1,4 @@
-//! The last step of a derivation: which module of the string before it each module of its result comes from.
+//! Finds, for each module of the final string, the module of the previous string from which it came.
 
 use super::{DeriveOptions, DerivedString, derive};
 use crate::grammar::{Grammar, runtime_error};

@@ -480,7 +480,7 @@ impl<'p> Rewriter<'p> {
         let first_param = saturating_index(out.param_count());
         self.append_params(production, out.params_mut())?;
         let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
-        out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);
+        out.append_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);
         Ok(())
     }
 }

@@ -26,7 +26,7 @@ mod tuning {
     pub(super) const MAX_RESIDENCE_TIME: f64 = 4.0;
     /// Radius of a typical drop on a leaf in natural rain, m.
     pub(super) const DROP_RADIUS: f64 = 1e-3;
-    /// The same in rain of drops of one size, divided by their diameter: that of half a sphere, which takes the volume of a whole one.
+    /// The same in rain of drops of one size, divided by their diameter, for a half sphere of the volume of the falling drop.
     pub(super) const RADIUS_PER_DIAMETER: f64 = 0.63;
 }
 
@@ -40,7 +40,7 @@ pub(super) struct ExpectedDrops {
     /// Triangles of these meshes.
     triangles: usize,
     /// World position of a leaf, m.
-    leaf: Vec3,
+    leaf_position: Vec3,
 }
 
 impl ExpectedDrops {
@@ -72,12 +72,12 @@ impl ExpectedDrops {
             _ => tuning::DROP_RADIUS,
         };
         let size = DropDetail::at_distance(radius, distance).typical_size(radius);
-        let leaf = leaves.first().map_or(Vec3::ZERO, |leaf| leaf.position.as_vec3());
+        let leaf_position = leaves.first().map_or(Vec3::ZERO, |leaf| leaf.position.as_vec3());
         Self {
             airborne: to_count(airborne),
             vertices: to_count(meshed * size.vertices),
             triangles: to_count(meshed * size.triangles),
-            leaf,
+            leaf_position,
         }
     }
 
@@ -95,7 +95,7 @@ impl ExpectedDrops {
         for object in &mut asset.meshes {
             let mesh = &mut object.mesh;
             if mesh.points.len() < self.vertices {
-                let points = vec![self.leaf; self.vertices];
+                let points = vec![self.leaf_position; self.vertices];
                 *mesh = Mesh { points, triangles: vec![[0; 3]; self.triangles], ..Mesh::default() };
             }
         }

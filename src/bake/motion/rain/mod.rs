@@ -287,7 +287,8 @@ fn simulate_rain(
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
     let starts_from_rest = recipe.sway.start == SwayStart::Rest;
-    // A trial of plants that start at rest reads the wind at no time at which the rain does not.
+    // If plants start at rest, the spin-up of rods only measures the bounds that they sweep. Limit it to the number of simulated
+    // steps, so that it reads no wind beyond the time of the rain.
     let simulated_steps = spin_up_steps(rain, step) + u64::from(steps) * (recipe.clip.len() as u64).saturating_sub(1);
     let trial_steps = if starts_from_rest { saturating_index(limit(simulated_steps)) } else { u32::MAX };
     let clock = RainClock {

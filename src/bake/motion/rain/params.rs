@@ -44,7 +44,7 @@ pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
         friction_force: drop.paper_friction,
         retention_factor: drop.retention_factor,
         velocity_decay_time: drop.velocity_decay,
-        pinning_noise: drop.pin_noise,
+        retention_variation: drop.pin_noise,
         merge: match drop.merge {
             DropMerge::Touch => MergeRule::Touch,
             DropMerge::Paper => MergeRule::Paper,

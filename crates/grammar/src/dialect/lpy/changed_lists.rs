@@ -113,7 +113,7 @@ impl ListNames {
                 set.extend(names);
             }
         }
-        // Variables of loops and parameters.
+        // Collect the loop variables; below, record the changed lists and the parameters and local names that hide them.
         for line in block {
             if let Some((targets, _)) = line.piece.text.strip_prefix("for ").and_then(|t| t.split_once(" in ")) {
                 set.extend(targets.split([',', '(', ')']).map(|n| n.trim().to_owned()));
@@ -667,7 +667,7 @@ fn run(search: Search, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &R
         let first = ops.len();
         match search {
             Search::Sum => ops.extend([Op::Local(1), item[0], item[1], binary(BinaryOp::Add), Op::StoreLocal(1)]),
-            // The loop ends behind the item that is the value.
+            // At a match, store the position as the result and set the position to the length, which ends the loop.
             Search::Key => {
                 ops.extend([item[0], item[1], Op::Local(3), binary(BinaryOp::Eq), Op::JumpIfZero(first + 9)]);
                 ops.extend([Op::Local(0), Op::StoreLocal(1), Op::Local(2), Op::StoreLocal(0)]);

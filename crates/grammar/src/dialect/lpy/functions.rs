@@ -33,7 +33,8 @@ struct FunctionValue<'m> {
 }
 
 impl FunctionValue<'_> {
-    /// Converts `statements`, the next one last; `names` and `values` are the variables so far.
+    /// Converts the statements of a function to its value. `statements`: a stack whose last entry comes next; `names` and
+    /// `values`: the variables so far.
     pub fn of(
         &mut self,
         mut statements: Vec<Statement>,

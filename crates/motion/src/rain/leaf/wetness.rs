@@ -91,7 +91,7 @@ impl WetnessGrid {
 
     /// Mean wetness at time `t` over a blade that occupies `cells` cells, 0 to 1.
     pub fn mean_wetness(&self, cells: usize, t: f64, law: DryingLaw) -> f64 {
-        // A drop covers neighbouring cells at the same time, so the last power is reused while the time repeats.
+        // A drop covers neighbouring cells at the same time, so the last wetness is reused while the time repeats.
         let (mut last, mut wet, mut sum) = (f32::NEG_INFINITY, 0.0, 0.0);
         for covered in self.last_covered.iter().filter(|s| s.is_finite()) {
             if covered.to_bits() != last.to_bits() {

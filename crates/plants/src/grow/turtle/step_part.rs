@@ -127,7 +127,7 @@ impl GrowingString<'_> {
             }
             depth += i32::from(self.grammar.symbols().get(m.symbol) == '[');
         }
-        // Steps that replace a step share its length at first: l (1 - part) / sum + part is the factor on each of their own lengths.
+        // Steps that replace one step first share its length l: each is scaled by (1 - part) l / sum + part.
         let replaces = self.is_step(parent) && sum > 0.0;
         let along = if replaces { (1.0 - part) * length(parent) / sum + part } else { part };
         let heir = self.heir(group);

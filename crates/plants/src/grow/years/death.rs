@@ -69,7 +69,7 @@ pub(super) struct Limb {
     /// Its first node.
     pub first: u32,
     /// Number of its open tips.
-    pub tips: u32,
+    pub open_tips: u32,
     /// Mean height of its tips above the tree's base, m.
     pub height: f32,
 }
@@ -135,7 +135,7 @@ impl Tree {
         }
         let is_root = self.nodes.parent[i] == NONE;
         if low < SHORTEST_STUB && !is_root {
-            self.remove(i);
+            self.remove_subtree(i);
             return;
         }
         // The root stays as a stump in any case.
@@ -154,7 +154,7 @@ impl Tree {
     }
 
     /// Removes an internode that has a parent; its subtree falls with it.
-    fn remove(&mut self, i: usize) {
+    fn remove_subtree(&mut self, i: usize) {
         let nodes = &mut self.nodes;
         if nodes.lives(i) {
             nodes.lost[nodes.parent[i] as usize] += self.habit.pipe_memory * nodes.area[i];
@@ -188,7 +188,7 @@ impl Tree {
             let low = sinks && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
             let hangs = low && nodes.p[i].y < lift * self.lift_share(i);
             if on_stem || hangs {
-                self.remove(i);
+                self.remove_subtree(i);
                 any = true;
             }
         }
@@ -221,12 +221,12 @@ impl Tree {
             if this_year - self.nodes.birth[first] < self.habit.shed_age {
                 continue;
             }
-            let mean = above.iter().map(|limb| limb.tips as f32).sum::<f32>() / LIMBS_ABOVE as f32;
+            let mean = above.iter().map(|limb| limb.open_tips as f32).sum::<f32>() / LIMBS_ABOVE as f32;
             let gap = above.first().map_or(0.0, |next| next.height - limb.height) / top.max(1e-6);
-            if limb.tips as f32 >= mean * (LONE_SHARE.level + LONE_SHARE.per_gap * gap) {
+            if limb.open_tips as f32 >= mean * (LONE_SHARE.level + LONE_SHARE.per_gap * gap) {
                 break;
             }
-            self.remove(first);
+            self.remove_subtree(first);
             any = true;
         }
         if any {
@@ -243,7 +243,7 @@ impl Tree {
         for i in (0..nodes.len()).filter(|i| nodes.lives(*i)) {
             let Some(&order) = nodes.order.get(nodes.parent[i] as usize) else { continue };
             of_node[i] = if order == 0 && nodes.order[i] > 0 {
-                limbs.push(Limb { first: index_of(i), tips: 0, height: 0.0 });
+                limbs.push(Limb { first: index_of(i), open_tips: 0, height: 0.0 });
                 index_of(limbs.len() - 1)
             } else {
                 of_node[nodes.parent[i] as usize]
@@ -251,13 +251,13 @@ impl Tree {
             if nodes.grows(i)
                 && let Some(limb) = limbs.get_mut(of_node[i] as usize)
             {
-                limb.tips += 1;
+                limb.open_tips += 1;
                 limb.height += nodes.p[i].y;
             }
         }
-        limbs.retain(|limb| limb.tips > 0);
+        limbs.retain(|limb| limb.open_tips > 0);
         for limb in &mut limbs {
-            limb.height /= limb.tips as f32;
+            limb.height /= limb.open_tips as f32;
         }
         limbs.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.first.cmp(&b.first)));
         limbs

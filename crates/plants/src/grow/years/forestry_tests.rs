@@ -205,8 +205,8 @@ fn no_weak_limb_stands_alone_below_the_crown() {
             // Limbs of the last few years have not shown yet what they will bear.
             let old = |first: u32| tree.year as f32 - tree.nodes.birth[first as usize] >= tree.habit.shed_age;
             let lowest = limbs.iter().position(|limb| old(limb.first)).expect("an old limb");
-            let above = mean(limbs[lowest + 1..lowest + 5].iter().map(|limb| limb.tips as f32));
-            let share = limbs[lowest].tips as f32 / above;
+            let above = mean(limbs[lowest + 1..lowest + 5].iter().map(|limb| limb.open_tips as f32));
+            let share = limbs[lowest].open_tips as f32 / above;
             if share < 0.29 {
                 faults.push(format!("{name}: {share}"));
             }

@@ -209,7 +209,7 @@ fn floor(v: f32) -> f32 {
 /// `size`: size of the box, m.
 fn cell_side(size: Vec3) -> f32 {
     let most = |cell: f32| {
-        // Rounding to the lattice of the anchor may add a cell at either end.
+        // Aligning the grid to multiples of the cell side may add a cell at either end.
         let n = (size + 2.0 * MARGIN.max(cell)) / cell + 2.0;
         n.x * n.y * n.z
     };
