@@ -1,5 +1,5 @@
 //! Reads models of L-Py: rules, and the statements and expressions of Python that docs/dialects.md lists. A production with
-//! `if` becomes one production for each execution path through it, which the code calls a way.
+//! `if` becomes one production for each execution path through it.
 
 mod arrays;
 mod assignment;
@@ -12,6 +12,7 @@ mod curve_table;
 mod curves;
 mod dictionary;
 mod emit;
+mod execution_path;
 mod expression;
 mod functions;
 mod headings;
@@ -22,6 +23,8 @@ mod loops;
 mod objects;
 mod param_shape;
 mod parser;
+mod path_code;
+mod path_search;
 mod pieces;
 mod python;
 mod refusal;
@@ -34,9 +37,6 @@ mod shared_lists;
 mod statement;
 mod strings;
 mod vectors;
-mod way;
-mod way_code;
-mod ways;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

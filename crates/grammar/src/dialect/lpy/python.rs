@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::Model;
 use super::assignment::{assign_statement, change_of, unreadable_assignment};
 use super::emit::append_code;
+use super::execution_path::Step;
 use super::expression::{PyExpr, first_call, is_dictionary, of_model};
 use super::headings::KEEP_ONE;
 use super::lines::{Line, block_after};
@@ -15,7 +16,6 @@ use super::resolve::{compile, is_list_or_vector, resolve};
 use super::run_functions::CALLED_FUNCTIONS;
 use super::scope::has_random;
 use super::statement::Statement;
-use super::way::Step;
 use crate::code::Op;
 use crate::dialect::text::Piece;
 use crate::vm;
@@ -313,22 +313,22 @@ impl Model<'_, '_> {
     /// Runs statements of the model like the block of an axiom; false if their execution path is known only at run time.
     fn run(&mut self, statements: &[Statement], range: &Range<usize>) -> Result<bool, Refusal> {
         self.is_in_axiom = true;
-        let ways = self.ways(statements);
+        let paths = self.execution_paths(statements);
         self.is_in_axiom = false;
-        let ways = ways?;
-        let [way] = ways.as_slice() else { return Ok(false) };
-        if !way.modules.is_empty() || !way.steps.iter().all(|step| matches!(step, Step::Assign(..))) {
+        let paths = paths?;
+        let [path] = paths.as_slice() else { return Ok(false) };
+        if !path.modules.is_empty() || !path.steps.iter().all(|step| matches!(step, Step::Assign(..))) {
             return Ok(false);
         }
-        for step in &way.steps {
+        for step in &path.steps {
             if let Step::Assign(name, e) = step {
                 self.global(name, e, range.clone());
             }
         }
-        for (name, list) in &way.lists {
+        for (name, list) in &path.lists {
             self.global(name, list, range.clone());
         }
-        self.shared_lists.extend(way.shared_lists.iter().cloned());
+        self.shared_lists.extend(path.shared_lists.iter().cloned());
         Ok(true)
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::execution_path::ExecutionPath;
 use super::expression::{PyExpr, PyOp};
 use super::lines::{Line, block_after};
 use super::objects::object_of;
@@ -14,7 +15,6 @@ use super::shapes::{SpreadModule, spread};
 use super::statement::{DIRECTION, GROUP, Statement, assigned};
 use super::strings::{PyModule, QUERIES, Spelled, frame_query, spell};
 use super::vectors::vector;
-use super::way::Way;
 use super::{Model, Section};
 use crate::code::Expr;
 use crate::dialect::text::Piece;
@@ -214,13 +214,14 @@ impl Model<'_, '_> {
             let is = PyExpr::Binary(PyOp::Eq, Box::new(active), Box::new(PyExpr::Number(self.group)));
             statements = vec![Statement::If(vec![(is, statements)], Vec::new())];
         }
-        let ways = self.ways(&statements);
-        let ways = self.settle(ways)?;
+        let paths = self.execution_paths(&statements);
+        let paths = self.settle(paths)?;
         // If an execution path changes an object of the head but makes no modules, the old module would remain with the old object.
-        let is_kept =
-            |way: &&Way| !way.produced && self.rule_lists.iter().any(|(name, _)| way.changed_objects.contains(name));
-        if let Some(way) = ways.iter().find(is_kept) {
-            let name = self.rule_lists.iter().map(|(name, _)| name).find(|name| way.changed_objects.contains(*name));
+        let is_kept = |path: &&ExecutionPath| {
+            !path.produced && self.rule_lists.iter().any(|(name, _)| path.changed_objects.contains(name))
+        };
+        if let Some(path) = paths.iter().find(is_kept) {
+            let name = self.rule_lists.iter().map(|(name, _)| name).find(|name| path.changed_objects.contains(*name));
             let name = name.cloned().unwrap_or_default();
             let range = head.place.span.start as usize..head.place.span.end as usize;
             let why = Refusal::new(format!("a change of '{name}' on a way that makes no modules"), range);
@@ -228,23 +229,24 @@ impl Model<'_, '_> {
             return None;
         }
         // An execution path that makes no modules still assigns variables of the model; then the next production is tried.
-        let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty() || w.stores()).collect();
+        let applied: Vec<&ExecutionPath> =
+            paths.iter().filter(|w| w.produced || !w.written().is_empty() || w.stores()).collect();
         // On a path that does not set a variable, the variable has no value, and L-Py would end with an error.
         let is_of_head = |name: &String| self.rule_lists.iter().any(|(own, _)| own == name);
         names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name) && !is_of_head(name));
         let unset: Vec<Option<&String>> =
-            applied.iter().map(|way| names.iter().find(|name| way.misses(name))).collect();
+            applied.iter().map(|path| names.iter().find(|name| path.misses(name))).collect();
         let is_any_whole = unset.iter().any(Option::is_none);
         for name in unset.iter().flatten().filter(|_| is_any_whole).collect::<BTreeSet<_>>() {
             let message = format!("'{name}' has no value on a way through this production, which is left out");
             let help = "set it before the 'if' or the loop: L-Py ends with an error there";
             self.reader.session.warning("L008", message, head.place, help);
         }
-        for (way, unset) in applied.iter().zip(&unset) {
+        for (path, unset) in applied.iter().zip(&unset) {
             if unset.is_some() && is_any_whole {
                 continue;
             }
-            if let Some(production) = self.production(&head, way) {
+            if let Some(production) = self.production(&head, path) {
                 let program = &mut self.reader.program;
                 match self.section {
                     Section::Decomposition => program.decomposition.list.push(production),
@@ -420,12 +422,12 @@ impl Model<'_, '_> {
     }
 
     /// Makes the production of one execution path; `None` after an error.
-    fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
+    fn production(&mut self, head: &Head, path: &ExecutionPath) -> Option<Production> {
         // Each path has its own variables; the parameters of the head are common to all.
         let own = self.scope.locals.clone();
-        let made = self.way_code(way);
+        let made = self.path_code(path);
         let built = match self.settle(made) {
-            Some((before, condition)) => self.successor(&way.modules).map(|successor| {
+            Some((before, condition)) => self.successor(&path.modules).map(|successor| {
                 let successor = self.reader.numbered(successor);
                 Production {
                     left: head.left.clone(),

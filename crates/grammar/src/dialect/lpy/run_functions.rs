@@ -7,11 +7,11 @@ use super::assignment::unreadable_assignment;
 use super::emit::append_code;
 use super::expression::{PyExpr, range_of};
 use super::lines::Line;
+use super::path_code::{LoopJumps, push_test};
 use super::pieces::{closing, is_seed, split, statements_of_line};
 use super::refusal::Refusal;
 use super::resolve::compile;
 use super::statement::{DIRECTION, Statement};
-use super::way_code::{LoopJumps, push_test};
 use crate::code::Op;
 use crate::dialect::text::Piece;
 

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use super::Model;
 use super::emit::append_code;
+use super::execution_path::{ExecutionPath, Step};
 use super::expression::{PyExpr, PyOp};
 use super::refusal::Refusal;
 use super::resolve::compile;
 use super::scope::has_random;
 use super::statement::{Statement, Store, names_of, stores};
-use super::way::{Step, Way};
 use crate::code::{Bytecode, Op, UnaryOp};
 
 /// Appends a test and a placeholder for the jump that is taken if it is 0; returns the index of the placeholder.
@@ -93,16 +93,16 @@ impl Model<'_, '_> {
     }
 
     /// Code for the steps of an execution path: a block before the condition, and the condition.
-    pub(super) fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
+    pub(super) fn path_code(&mut self, path: &ExecutionPath) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
         // If the path has only conditions without random numbers, join them in one expression.
         let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
-        if way.steps.iter().all(is_plain) {
+        if path.steps.iter().all(is_plain) {
             let test = |s: &Step| match s {
                 Step::Condition(e, true) => Some(e.clone()),
                 Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
                 Step::Assign(..) | Step::Loop(..) | Step::Store(..) => None,
             };
-            let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
+            let all = path.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
             return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
         }
         // Otherwise a block computes everything in order, and a variable stores whether all conditions held. All paths must
@@ -113,7 +113,7 @@ impl Model<'_, '_> {
         let mut failures = Vec::new();
         let mut undone = Vec::new();
         let mut stored_in_loop: Option<Range<usize>> = None;
-        for step in &way.steps {
+        for step in &path.steps {
             let (e, store) = match step {
                 Step::Assign(name, e) => (e, Some(name)),
                 Step::Condition(e, _) => (e, None),
@@ -150,11 +150,11 @@ impl Model<'_, '_> {
             }
         }
         // So far the variables are local: only the path that is taken changes those of the model.
-        for name in way.written() {
+        for name in path.written() {
             let (local, global) = (self.scope.local(name), self.scope.global(name));
             ops.extend([Op::Local(local), Op::StoreGlobal(global)]);
         }
-        ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
+        ops.extend([Op::Const(if path.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
         let jump = ops.len();
         ops.push(Op::Pop);
         // A condition that fails after some stores jumps to the code that undoes the last of them; that code continues with the
