@@ -1,4 +1,4 @@
-//! Lists of the model that are arrays of the machine.
+//! Lists of the model that are stored as arrays of the stack machine.
 
 use std::collections::BTreeMap;
 
@@ -17,15 +17,15 @@ pub(super) struct ChangedList {
     pub row: Option<ListRow>,
 }
 
-/// Lists or vectors as items of a list.
+/// Kind of the items of a list of lists or vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct ListRow {
-    /// How many numbers each has.
+    /// Number of elements of each item.
     pub width: usize,
     pub is_vector: bool,
 }
 
-/// The number of the array of which a call reads an element; `None` for any other call.
+/// The index of the array of which a call reads an element; `None` for any other call.
 pub(super) fn array_of(call: &str, arrays: &BTreeMap<String, ChangedList>) -> Option<usize> {
     let name = call.strip_prefix(ELEMENT)?;
     arrays.get(name).map(|list| list.number)

@@ -23,7 +23,7 @@ struct ItemChange<'t> {
     index: Piece<'t>,
     /// The second index of `name[index][1] = value`.
     column: Option<Piece<'t>>,
-    /// More than two.
+    /// True if there are more than two indices.
     is_nested: bool,
     op: Option<PyOp>,
     value: Piece<'t>,
@@ -102,7 +102,7 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
     let (mut index, value) = (parse(item.index)?, parse(item.value)?);
     let at = |list: PyExpr, index: &PyExpr| PyExpr::Index(Box::new(list), Box::new(index.clone()), piece.range());
     let mut read = at(named(item.name), &index);
-    // Both indices of an item of a list of lists.
+    // An item of a list of lists has two indices.
     if let Some(column) = item.column {
         let column = parse(column)?;
         read = at(read, &column);
@@ -113,7 +113,7 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
     Ok(Some(vec![changed(item.name, ListChange::Set, vec![index, value])]))
 }
 
-/// `list[k]`.
+/// The expression `list[k]`.
 pub(super) fn item_of(list: &PyExpr, k: u32, place: Range<usize>) -> PyExpr {
     PyExpr::Index(Box::new(list.clone()), Box::new(PyExpr::Number(f64::from(k))), place)
 }
@@ -216,7 +216,7 @@ fn without_nesting(
     place: Range<usize>,
 ) -> Option<(Vec<Piece<'_>>, Vec<PyExpr>)> {
     let mut out = (Vec::with_capacity(names.len()), Vec::with_capacity(names.len()));
-    // The next target is the last one.
+    // A stack of targets with their values, of which the last one is next.
     let mut open: Vec<(Piece<'_>, PyExpr)> = names.into_iter().zip(values).rev().collect();
     while let Some((target, value)) = open.pop() {
         let parts = inside(target).map(split);
@@ -225,7 +225,7 @@ fn without_nesting(
                 out.0.push(target);
                 out.1.push(value);
             }
-            // Parentheses around one name mean nothing.
+            // Parentheses around one name have no effect.
             Some([only]) => open.push((*only, value)),
             Some(parts) => {
                 let items = items_for(parts.len(), value, place.clone())?;
@@ -256,8 +256,8 @@ fn starred(count: usize, at: usize, value: Piece<'_>, place: Range<usize>) -> Re
     Ok((0..count).map(value).collect())
 }
 
-/// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
-/// `scope` knows the functions of the model, `defined` their names.
+/// The name that a line of a function sets to an unreadable value, with the reason; only uses of the name are refused. `scope`
+/// contains the functions of the model, `defined` their names.
 pub(super) fn unreadable_assignment<'t>(
     line: &Line<'t>,
     scope: &Scope,

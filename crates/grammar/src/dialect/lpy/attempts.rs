@@ -21,7 +21,7 @@ const MAX_FUNCTIONS: usize = 8;
 /// Largest number of statements to which a `try` is expanded.
 const MAX_STATEMENTS: usize = 4_096;
 
-/// The errors that an `except` catches, of those that numbers and lists can raise.
+/// The errors that an `except` catches, among those that numbers and lists can raise.
 #[derive(Debug, Clone, Copy, Default)]
 struct Errors {
     /// A division by zero.
@@ -44,7 +44,7 @@ struct Handler {
 #[derive(Default)]
 struct Attempt {
     handlers: Vec<Handler>,
-    /// The block of `else`, which runs where nothing has failed.
+    /// The block of `else`, which runs if nothing has failed.
     otherwise: Vec<Statement>,
     /// The block of `finally`.
     last: Vec<Statement>,
@@ -74,7 +74,7 @@ fn leaves(statements: &[Statement]) -> bool {
     })
 }
 
-/// The errors of the words of an `except`, `ZeroDivisionError` or `(IndexError, KeyError)`; without words all of them.
+/// The errors named by the words of an `except`, `ZeroDivisionError` or `(IndexError, KeyError)`; without words all of them.
 fn errors_of(words: Piece<'_>) -> Result<Errors, Refusal> {
     let all = Errors { division: true, index: true, key: true, value: true };
     let named = words.text.find(" as ").map_or(words, |i| words.up_to(i).trimmed());
@@ -236,7 +236,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// The test that holds where a statement fails, and the block of the `except` for it; `None` where it cannot fail.
+    /// The test that is true if a statement fails, and the block of the `except` for it; `None` if it cannot fail.
     fn failure_of(
         &self,
         s: &Statement,
@@ -275,7 +275,7 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// The test that holds where an expression fails by one of these errors; `None` where it cannot.
+    /// The test that is true if an expression raises one of these errors; `None` if it cannot.
     fn failure(&self, e: &PyExpr, errors: Errors, depth: usize) -> Result<Option<PyExpr>, Refusal> {
         let of = |e: &PyExpr| self.failure(e, errors, depth);
         let zero = || PyExpr::Number(0.0);
@@ -344,7 +344,7 @@ impl Model<'_, '_> {
         })
     }
 
-    /// As [`Self::failure`], of a call whose arguments do not fail.
+    /// As [`Self::failure`], for a call whose arguments do not fail.
     fn failure_of_call(
         &self,
         name: &str,
@@ -378,7 +378,7 @@ impl Model<'_, '_> {
         Ok(None)
     }
 
-    /// The test that holds where a list or dictionary does not have an index or key.
+    /// The test that is true if a list or dictionary lacks an index or key.
     fn failure_of_index(&self, list: &PyExpr, index: &PyExpr, errors: Errors) -> Result<Option<PyExpr>, Refusal> {
         let is_slice = matches!(index, PyExpr::Call(name, ..) if name == SLICE);
         if is_slice || (!errors.index && !errors.key) {
@@ -395,7 +395,7 @@ impl Model<'_, '_> {
                 return Err(why.remedy("name the error: 'except IndexError' or 'except KeyError'"));
             }
         };
-        // Coordinates of vectors are always there.
+        // A vector has all its coordinates.
         if matches!(&known, Some(PyExpr::Call(name, ..)) if name != DICTIONARY) {
             return Ok(None);
         }

@@ -1,5 +1,6 @@
-//! Lists and dictionaries of the model that productions and functions change: arrays of the machine, which hold numbers. Outside of
-//! blocks, and in the axiom, they are lists as others are; productions see what the model has made of them.
+//! Lists and dictionaries of the model that productions and functions change: arrays of the stack machine, which hold numbers.
+//! Outside of blocks, and in the axiom, they are ordinary lists; productions begin with the items that they have at the end of
+//! the model.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -24,13 +25,13 @@ use crate::code::{ArrayShape, BinaryOp, ElementAccess, Op};
 /// Limit on the elements of all changed lists together; each list gets an equal share. The rest of the 65,535 slots is for
 /// variables of the model.
 const MAX_ELEMENTS: usize = 49_152;
-/// Most items of one such list. Own: the machine is copied with its variables in each step.
+/// Limit on the items of one such list. Own: the stack machine is copied with its variables in each step.
 const MAX_LENGTH: usize = 8_192;
 
-/// Most lists that change. Own: each is looked for in all lines of the model.
+/// Limit on the number of changed lists. Own: each is searched for in all lines of the model.
 const MAX_LISTS: usize = 64;
 
-/// Name of the call that stands for the position of a key in such a dictionary; no function has it.
+/// Name of the call that represents the position of a key in such a dictionary; no function has it.
 const POSITION: &str = "(position)";
 
 /// Kind of the items of a list, derived from an unresolved expression for one item; `None` if the item may be a number.
@@ -79,7 +80,7 @@ struct ListNames {
 }
 
 impl ListNames {
-    /// Adds the names of a block with this head.
+    /// Adds the names of a block with this heading.
     fn add_block(&mut self, head: &str, block: &[Line<'_>]) {
         let mut global: BTreeSet<String> = BTreeSet::new();
         let (mut set, mut lists, mut altered) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
@@ -144,7 +145,7 @@ impl Model<'_, '_> {
             if is_block {
                 let c = block_colon(rest);
                 let head = c.map_or(rest, |c| rest.up_to(c));
-                // A block of one line may stand behind its head.
+                // A block of one line may follow its heading on the same line.
                 let after = c.map_or(rest.from(rest.text.len()), |c| rest.from(c + 1).trimmed());
                 let inline = [Line { indent: 1, piece: after }];
                 let lines = if block.is_empty() && !line.piece.text.contains("-->") { &inline } else { block };
@@ -160,7 +161,7 @@ impl Model<'_, '_> {
         if changed.is_empty() || changed.len() > MAX_LISTS {
             return;
         }
-        // A dictionary has an array of its keys, too.
+        // A dictionary also has an array of its keys.
         let mut names = Vec::new();
         for name in &changed {
             let is_it = |line: &&Line<'_>| assignment(line.piece).is_some_and(|(n, _)| has_word(n.text, name));
@@ -175,7 +176,7 @@ impl Model<'_, '_> {
         let length = (MAX_ELEMENTS / names.len()).min(MAX_LENGTH);
         self.scope.array_slots = names.len() * length;
         let elements = names.into_iter().enumerate().map(|(k, (name, place))| ElementAccess {
-            // Below 65,536, as all together have fewer elements.
+            // Below 65,536, as all arrays together have at most `MAX_ELEMENTS` elements.
             shape: ArrayShape { first: slot_number(k * length), sizes: vec![saturating_index(length)] },
             name,
             place,
@@ -184,7 +185,7 @@ impl Model<'_, '_> {
         self.scope.changing = Rc::new(changed);
     }
 
-    /// Makes arrays of the lists that productions change, with the items that they have at the end of the model.
+    /// Creates the arrays of the lists that productions change, with the items that these have at the end of the model.
     pub(super) fn begin_changed_lists(&mut self) {
         let names: Vec<String> = self.scope.changing.iter().cloned().collect();
         for name in names {
@@ -312,7 +313,7 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Statements of a block with stores of elements in place of the changes of such lists.
+    /// The statements of a block, in which stores of elements replace the changes of such lists.
     pub(super) fn with_stores(&self, list: Vec<Statement>) -> Result<Vec<Statement>, Refusal> {
         if self.scope.changing.is_empty() || self.is_outside_of_blocks {
             return Ok(list);
@@ -407,12 +408,12 @@ impl Model<'_, '_> {
                 (ListChange::Append, [_, value]) => append(value.clone(), out),
                 (ListChange::Extend, [_, more]) => extend(more, out)?,
                 (ListChange::Clear, [_]) => set_length(PyExpr::Number(0.0), out),
-                // `x = q.pop()` has read the item before.
+                // `x = q.pop()` has already read the item.
                 (ListChange::Pop, [_]) => {
                     let left = PyExpr::Call("max".to_owned(), vec![sum(-1.0), PyExpr::Number(0.0)], place.clone());
                     set_length(left, out);
                 }
-                // The items behind the one that is taken out move by one.
+                // The items after the removed one move down by one position.
                 (ListChange::Pop, [_, from @ PyExpr::Number(n)])
                     if *n >= 0.0 && !self.scope.rows.contains_key(name) =>
                 {
@@ -477,7 +478,7 @@ pub(super) fn list_of<'s>(e: &PyExpr, scope: &'s Scope) -> Option<(&'s str, &'s 
     scope.arrays.get_key_value(plain_name(name)).map(|(name, list)| (name.as_str(), list))
 }
 
-/// The refusal of such a list where a value is expected.
+/// The refusal of such a list as a whole where a number is expected.
 pub(super) fn whole_refusal(name: &str, range: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the list '{name}', which productions change, as a whole"), range);
     why.remedy("read its items, q[i], in a loop over it, or by len, sum, min, max and 'in'")
@@ -488,7 +489,7 @@ pub(super) fn reads_changing(e: &PyExpr, scope: &Scope) -> bool {
     !scope.changing.is_empty() && scope.changing.iter().any(|name| super::expression::mentions(e, name))
 }
 
-/// The position of an element by a resolved index or key: -1 where the list does not have it, which the machine reports.
+/// The position of an element by a resolved index or key; -1 if the list lacks it, which the stack machine reports.
 pub(super) fn position(
     name: &str,
     list: &ChangedList,
@@ -520,7 +521,7 @@ pub(super) fn position(
     })
 }
 
-/// The position of a key among those of a dictionary, -1 if it does not have the key.
+/// The position of a key among the keys of a dictionary; -1 if the dictionary lacks the key.
 fn key_position(name: &str, keys: usize, key: PyExpr, scope: &Scope, range: &Range<usize>) -> PyExpr {
     let length = PyExpr::Name(length_name(name), range.clone());
     let args = vec![PyExpr::Number(0.0), PyExpr::Number(-1.0), length, key];
@@ -542,7 +543,8 @@ pub(super) fn turn_item(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Ra
     })
 }
 
-/// The element of a column of the row at a position. A column outside of the row is at -1, which the machine reports.
+/// The position, in the array of a list of rows, of a column of the row at `at`; -1 for a column outside of the row, which the
+/// stack machine reports.
 fn cell(at: &PyExpr, column: &PyExpr, row: ListRow, scope: &Scope) -> PyExpr {
     let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
     let width = PyExpr::Number(f64::from(saturating_index(row.width)));
@@ -553,13 +555,13 @@ fn cell(at: &PyExpr, column: &PyExpr, row: ListRow, scope: &Scope) -> PyExpr {
     };
     let index = two(PyOp::Add, two(PyOp::Mul, at.clone(), width.clone()), column.clone());
     let has = |a: PyExpr, b: PyExpr| two(PyOp::Le, a, b);
-    // A row that is not there is at -1, its columns below 0.
+    // A row that does not exist has the position -1, which puts its columns below 0.
     let least = has(PyExpr::Number(0.0), column.clone());
     let within = PyExpr::And(Box::new(least), Box::new(two(PyOp::Lt, column, width)));
     PyExpr::Choice(Box::new(within), Box::new(index), Box::new(PyExpr::Number(-1.0)))
 }
 
-/// The item of a column of a row of such a list, `q[i][j]`, by resolved indices; `None` for any other.
+/// The item `q[i][j]`, a column of a row of such a list, by resolved indices; `None` for any other expression.
 pub(super) fn item_of_row(
     list: &PyExpr,
     column: &PyExpr,
@@ -655,13 +657,14 @@ enum Search {
     Key,
 }
 
-/// A call of code that goes through all items of a list. Its parameters are its variables: position, result, length, value.
+/// A call of generated code that loops over all items of a list. Its parameters are its variables: position, result, length,
+/// value.
 fn run(search: Search, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &Range<usize>) -> PyExpr {
     let own = format!("{search:?} of array {array}");
     if scope.run_index(&own).is_none() {
         let binary = |op| Op::Binary(op, usize::MAX);
         let item = [Op::Local(0), Op::LoadElement(array)];
-        // The loop: its test, what it does with an item, the next position.
+        // The loop consists of its test, the code for an item, and the step to the next position.
         let mut ops = vec![Op::Count(0), Op::Local(0), Op::Local(2), binary(BinaryOp::Lt), Op::Pop];
         let skip = ops.len() - 1;
         let first = ops.len();
@@ -694,7 +697,7 @@ fn run(search: Search, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &R
     PyExpr::Call(format!("{RUN}{own}"), args, range.clone())
 }
 
-/// True for such a list, or the keys, values or items of such a dictionary: a loop over it counts its turns.
+/// True for such a list, or for the keys, values or items of such a dictionary, over which a loop counts positions.
 pub(super) fn is_changing_name(e: &PyExpr, scope: &Scope) -> bool {
     match e {
         PyExpr::Name(name, _) => scope.changing.contains(plain_name(name)) && !scope.locals.contains(name),

@@ -54,7 +54,7 @@ pub(super) struct ExecutionPath {
     pub known: BTreeMap<String, Option<f64>>,
     /// Variables that the path has set to lists; the lists replace the names where they are read.
     pub lists: BTreeMap<String, PyExpr>,
-    /// Those of these lists, and of the model's, that have two names.
+    /// Names, of these lists and of the model's, whose list also has another name.
     pub shared_lists: BTreeSet<String>,
     /// Variables whose objects the path has changed, and those whose objects it has passed to a module.
     pub changed_objects: BTreeSet<String>,
@@ -72,7 +72,7 @@ impl ExecutionPath {
         self.globals.iter().filter(|g| assigns(g)).collect()
     }
 
-    /// True if it changes a list of the model.
+    /// True if the path changes a list of the model.
     pub fn stores(&self) -> bool {
         self.steps.iter().any(|step| match step {
             Step::Store(..) => true,
@@ -81,7 +81,7 @@ impl ExecutionPath {
         })
     }
 
-    /// True if it reads a variable that it does not set.
+    /// True if the path reads a variable that it does not set.
     pub fn misses(&self, name: &str) -> bool {
         let is_set = self.known.contains_key(name) || self.lists.contains_key(name);
         let reads = |step: &Step| match step {
@@ -94,13 +94,13 @@ impl ExecutionPath {
         !is_set && is_read()
     }
 
-    /// Place of its modules in the text, for messages.
+    /// Place of the path's modules in the text, for messages.
     pub fn range(&self) -> Range<usize> {
         self.modules.first().map_or(0..0, |m| m.range.clone())
     }
 }
 
-/// An expression in which variables of an execution path are replaced by their values, which hide those of the model;
+/// The expression in which the variables of an execution path are replaced by their values, which hide those of the model;
 /// [`UNKNOWN`] replaces variables of unknown value, so that the expression is not constant.
 pub(super) fn on_path(e: &PyExpr, path: &ExecutionPath) -> PyExpr {
     let names: Vec<String> = path.known.keys().cloned().collect();
@@ -109,7 +109,7 @@ pub(super) fn on_path(e: &PyExpr, path: &ExecutionPath) -> PyExpr {
     substitute(e, &names, &values)
 }
 
-/// An expression in which those variables of an execution path are replaced whose values are known.
+/// The expression in which those variables of an execution path whose values are known are replaced by them.
 pub(super) fn with_known(e: &PyExpr, path: &ExecutionPath) -> PyExpr {
     let known = path.known.iter().filter_map(|(name, value)| Some((name.clone(), PyExpr::Number((*value)?))));
     let (names, values): (Vec<String>, Vec<PyExpr>) = known.unzip();
@@ -120,7 +120,7 @@ pub(super) fn with_known(e: &PyExpr, path: &ExecutionPath) -> PyExpr {
 #[derive(Debug, Clone)]
 pub(super) struct OpenPath {
     pub path: ExecutionPath,
-    /// The remaining statements, the next one last.
+    /// The remaining statements: a stack whose last entry is next.
     pub left: Vec<Statement>,
 }
 

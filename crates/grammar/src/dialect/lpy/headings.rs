@@ -24,8 +24,8 @@ pub(super) const KEEP_ONE: &str = "keep one of them";
 const LIST: &str = "the list of 'ignore:' or 'consider:'";
 
 impl Model<'_, '_> {
-    /// Reads the values of the sliders that L-Py saves after the model: `('name', 'Integer', 5, 1, 10)`, in older files
-    /// without the type.
+    /// Reads the values of the sliders that L-Py saves after the model: `('name', 'Integer', 5, 1, 10)`, or without the type in
+    /// older files.
     pub(super) fn parameters(&mut self, list: &[Line<'_>]) {
         for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
             for part in line.piece.text.split('(').skip(1) {
@@ -191,7 +191,7 @@ impl Model<'_, '_> {
             (self.section, self.group, self.ignored) = (section, group, ignored);
             self.rule(list, index);
         }
-        // Remove the variables of the last production, which the functions that L-Py runs do not know.
+        // Remove the variables of the last production, which the functions that L-Py runs must not see.
         self.scope.locals.clear();
     }
 

@@ -97,7 +97,7 @@ struct Model<'r, 's> {
     /// True while statements outside of all productions and functions are read. There, the lists that productions change are
     /// still ordinary lists.
     is_outside_of_blocks: bool,
-    /// Number of statements of Python that the model could not run without.
+    /// Number of refused statements of Python that the model needs in order to run.
     refusals: usize,
     /// Code that computes the values of the model before the first step.
     start: Vec<Op>,
@@ -208,7 +208,7 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
         model.scope.global(DIRECTION);
     }
     model.shared_names(&list);
-    // Sliders and module names come first, because L-Py knows them anywhere in the file.
+    // Read sliders and module names first, because they apply anywhere in the file.
     model.parameters(&list);
     model.classes(&list);
     model.curves(&list);
@@ -216,11 +216,11 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
     model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
-    // Then come the shapes of parameters, the lines in order, and the productions, which use all values of the model.
+    // Find the shapes of parameters, read the lines in order, then the productions, which use all values of the model.
     model.find_shapes(&list);
     model.lines(&list);
     model.read_productions(&list);
-    // Functions that L-Py calls itself, such as `StartEach`, come last, because they may use all names.
+    // Read the functions that L-Py calls itself, such as `StartEach`, last, because they may use all names.
     for (name, body, place) in std::mem::take(&mut model.run_later) {
         // The body may be on the line of the heading: `def Start(): backward()`.
         let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
@@ -309,7 +309,7 @@ impl Model<'_, '_> {
             }
             CalledFunction { parameters: f.parameters, code, place: self.reader.place(f.place.clone()) }
         });
-        // Nothing else sets it.
+        // The cell is still empty, since only this function sets it.
         self.scope.run_code.get_or_init(|| called.collect());
     }
 
@@ -324,8 +324,8 @@ impl Model<'_, '_> {
         self.share_ignored_symbols();
         self.set_run_code();
         self.reader.program.curves = self.scope.curves.borrow().tables();
-        // The code of the model's values comes first, wherever they are in the file, then that of the function at the
-        // beginning of a run.
+        // Run the code of the model's values first, wherever they are in the file, then that of the function at the beginning of
+        // a run.
         append_code(&mut self.start, &self.functions.start);
         let [start, start_each, end_each] =
             [self.start.clone(), self.functions.start_each.clone(), self.functions.end_each.clone()]

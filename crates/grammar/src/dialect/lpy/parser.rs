@@ -20,10 +20,11 @@ const MAX_DEPTH: usize = 200;
 /// Limit on the height of a syntax tree, which chains of operators also increase: functions on trees are recursive.
 const MAX_HEIGHT: usize = 500;
 
-/// Nesting of the names of a `for`; deeper ones are refused.
+/// Limit on the nesting of the names of a `for`.
 const MAX_TARGETS: usize = 16;
 
-/// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
+/// Methods that read a list or a dictionary. The call of one is represented by the call of a function whose name has a point
+/// before it.
 const METHODS: [&str; 7] = ["index", "get", "keys", "values", "items", "copy", "format"];
 
 /// Operators and punctuation, longer ones first.
@@ -216,7 +217,7 @@ impl ItemTarget {
     }
 }
 
-/// `[value for name in list]`; several names take each item apart.
+/// Makes `[value for name in list]`; several names unpack each item.
 fn each_item(
     value: PyExpr,
     targets: Vec<ItemTarget>,
@@ -414,7 +415,7 @@ impl PyParser {
                 left = right;
                 continue;
             }
-            // Handle `is None` and `is not None`.
+            // `is` and `is not` compare with `None`.
             let by_word = self.eat_word("is").then(|| if self.eat_word("not") { PyOp::Ne } else { PyOp::Eq });
             let by_sign = match self.sign() {
                 Some("==") => Some(PyOp::Eq),
@@ -733,7 +734,7 @@ impl PyParser {
             }
             count += 1;
         }
-        // A single target takes the whole.
+        // A single target takes the whole item.
         if count == 1 {
             for target in out.iter_mut().skip(first) {
                 target.path.remove(path.len());
@@ -742,8 +743,8 @@ impl PyParser {
         Ok(())
     }
 
-    /// The rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map` are taken
-    /// side by side.
+    /// Parses the rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map`
+    /// are traversed in parallel.
     fn mapped(&mut self, is_filter: bool, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let place = self.here();
         // A lambda gives parameter names and a value; otherwise only the name of a function is given.
@@ -845,7 +846,7 @@ impl PyParser {
         }
     }
 
-    /// The rest of such a call: the object is its first argument.
+    /// Parses the rest of such a call, of which the object becomes the first argument.
     fn method_call(&mut self, method: String, object: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
         self.depth += 1;
         if self.depth > MAX_DEPTH {
@@ -860,7 +861,7 @@ impl PyParser {
         Ok(call)
     }
 
-    /// Indices and coordinates after a value.
+    /// Parses the indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
         let mut count = 0;

@@ -56,14 +56,14 @@ impl LoopJumps {
     }
 }
 
-/// What takes a store back: the array, and the variables that hold the position and the element before.
+/// Code that undoes a store needs the array, and the variables that hold the position and the element before the store.
 struct UndoneStore {
     array: usize,
     index: u16,
     old: u16,
 }
 
-/// A `for` over a range as a `while` that counts.
+/// A `for` loop over a range, as a `while` loop that counts.
 pub(super) struct CountedLoop {
     /// Sets the counter and the end of the range: Python evaluates a range once, before the first iteration.
     pub begin: [Statement; 2],
@@ -173,7 +173,8 @@ impl Model<'_, '_> {
         Ok((Some(self.bytecode(ops)), Some(condition)))
     }
 
-    /// Appends the store of an item of a list that productions change, and what takes it back; `None` for a name that is no such list.
+    /// Appends the store of an item of a list that productions change. Returns the variables for undoing it; `None` for a name
+    /// that is no such list.
     fn store_code(&mut self, store: &Store, ops: &mut Vec<Op>) -> Result<Option<UndoneStore>, Refusal> {
         let Some(own) = self.scope.arrays.get(&store.list).cloned() else { return Ok(None) };
         let [index_name, old_name] = ["at", "old"].map(|word| format!("({word} {})", self.temporaries));

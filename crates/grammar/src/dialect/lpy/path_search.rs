@@ -22,7 +22,7 @@ use crate::code::is_zero;
 use crate::vm;
 
 /// Limit on the execution paths through one production.
-const MAX_WAYS: usize = 512;
+const MAX_PATHS: usize = 512;
 
 /// Limit on the calls of functions of statements on one execution path.
 const MAX_CALLS: usize = 256;
@@ -120,7 +120,7 @@ impl Model<'_, '_> {
         let mut open =
             vec![OpenPath { path: ExecutionPath::default(), left: statements.iter().rev().cloned().collect() }];
         while let Some(mut now) = open.pop() {
-            let too_many = out.len() + open.len() > MAX_WAYS || now.path.steps.len() + now.left.len() > MAX_STEPS;
+            let too_many = out.len() + open.len() > MAX_PATHS || now.path.steps.len() + now.left.len() > MAX_STEPS;
             if too_many || now.path.modules.len() > MAX_MODULES {
                 return Err(Refusal::new("a production with too many ways through it", now.path.range()));
             }
@@ -220,7 +220,8 @@ impl Model<'_, '_> {
 
     /// Assigns a value or a list to a variable of a path.
     fn assign(&mut self, name: String, e: PyExpr, handed_on: &HandedOn, now: &mut OpenPath) {
-        // A string composed at run time has no value here; an expression that needs one is refused where it reads the name.
+        // A string composed at run time has no value that a variable could hold; an expression that needs one is refused where it
+        // reads the name.
         if is_joined_text(&e) {
             now.path.known.remove(&name);
             now.path.lists.insert(name, e);
@@ -230,7 +231,7 @@ impl Model<'_, '_> {
         if let Some(list) = list {
             let mut taken = Vec::new();
             let mut list = self.kept(&list, &now.path, &mut taken);
-            // A changing list gets no new name for each change.
+            // The changes of a list need no new name for the list.
             if !is_change(&e) {
                 list = self.named_list(list, &mut format!("(list of {})", self.temporaries));
                 self.temporaries += 1;
@@ -304,8 +305,8 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// The choice between lists or dictionaries that an index which is not known gives, and the assignment of the index to a variable of
-    /// this reader; `None` for any other expression.
+    /// For a list of lists or dictionaries with an index that is not known: the choice between its items, and the assignment of
+    /// the index to a temporary variable. `None` for any other expression.
     fn one_of_lists(&mut self, e: &PyExpr, path: &ExecutionPath) -> Option<(Statement, PyExpr)> {
         let PyExpr::Index(list, index, place) = e else { return None };
         if matches!(**index, PyExpr::Call(..)) || !may_be_list(list, &self.scope) {
@@ -398,7 +399,7 @@ impl Model<'_, '_> {
         let number = self.temporaries;
         self.temporaries += 1;
         let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
-        // An object that the function changes is the caller's, so that it keeps the caller's name.
+        // An object that the function changes belongs to the caller: keep the caller's name for it.
         let mut is_same = vec![false; params.len()];
         for ((k, param), arg) in params.iter().enumerate().zip(&args) {
             // The same holds for a list that the caller has made and that the function changes.
@@ -439,7 +440,7 @@ impl Model<'_, '_> {
             *next = without_call(next, &call, &value);
         }
         left.push(without_call(s, &call, &value));
-        // A call that is the whole statement needs no value.
+        // A call that is the whole statement needs no variable for its value.
         let is_run = matches!(s, Statement::Run(e) if *e == call);
         let result = Some(result).filter(|_| !is_run);
         left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
@@ -501,7 +502,8 @@ impl Model<'_, '_> {
         scope
     }
 
-    /// A list of numbers and of temporary variables, which the statements `taken` set, so that it may be read later.
+    /// The value of an expression in a form that may be read later: a list of numbers and of temporary variables, which the
+    /// statements `taken` set.
     pub(super) fn kept(&mut self, e: &PyExpr, path: &ExecutionPath, taken: &mut Vec<Statement>) -> PyExpr {
         let is_kept = matches!(e, PyExpr::Name(name, _) if name.starts_with("(item "));
         if is_written_out(e) || is_kept {

@@ -231,7 +231,7 @@ impl Model<'_, '_> {
         next
     }
 
-    /// Reads `extern(n = 3, angle = 60)`: values that a program around L-Py, or a slider of the file, may have set before.
+    /// Reads `extern(n = 3, angle = 60)`: values that a program which calls L-Py, or a slider of the file, may have set before.
     fn external(&mut self, rest: Piece<'_>) {
         let inside = rest.up_to(rest.text.rfind(')').unwrap_or(rest.text.len())).from(1);
         for part in split(inside) {
@@ -288,7 +288,7 @@ impl Model<'_, '_> {
         let code = match resolved.and_then(|e| compile(&e, &self.scope)) {
             Ok(code) => code,
             Err(why) => {
-                // Named only where it is used: many models hold values that their rules do not need.
+                // The name is refused only where it is used, because many models contain values that their rules do not need.
                 let why = refused.unwrap_or(why);
                 self.scope.constants.remove(name);
                 self.scope.unreadable.insert(name.to_owned(), Refusal { range, ..why });
@@ -304,7 +304,8 @@ impl Model<'_, '_> {
             self.initial.insert(name.to_owned(), value);
         }
         self.scope.constants.remove(name);
-        // A slot above 65,535 would be that of another value, but `Scope::slot` does not find such names, so that each use is refused.
+        // A slot above 65,535 would be that of another value. `Scope::slot` does not find names with such slots, so that each use
+        // is refused.
         let slot = self.scope.global(name);
         append_code(&mut self.start, &code.ops);
         self.start.push(Op::StoreGlobal(slot));

@@ -81,8 +81,8 @@ impl<'t> HeadParts<'t> {
     }
 }
 
-/// Names of modules with the numbers of parameters that they have in the text; empty if no parameter list contains `*`,
-/// because the numbers are needed only for that.
+/// Names of modules with the numbers of parameters that they have in the text; empty if no parameter list contains `*`, which
+/// alone needs these numbers.
 pub(super) fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usize)> {
     let mut out = BTreeSet::new();
     if !text.contains("(*") && !text.contains(",*") && !text.contains(", *") {
@@ -324,7 +324,7 @@ impl Model<'_, '_> {
         let list = |names: &[String]| {
             PyExpr::List(names.iter().map(|n| PyExpr::Name(n.clone(), s.range.clone())).collect(), s.range.clone())
         };
-        // A query has three numbers, which a single name holds as a vector: `?P(v)` allows `v.x` and `v[0]`.
+        // A query has three numbers. A single name for them is a vector: `?P(v)` allows `v.x` and `v[0]`.
         let is_vector = QUERIES.contains(&s.name.as_str()) && params.len() < 3;
         // `A(x, *args)` accepts any number of parameters beyond the first: `star` of them in this reading of the head.
         let star = params.last().filter(|p| p.text.starts_with('*') && !p.text.starts_with("**"));
@@ -340,7 +340,7 @@ impl Model<'_, '_> {
             let mut chars = name.text.chars();
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
-            // A list or a vector has one name, and a parameter for each of its items.
+            // A list or a vector has one name, but a parameter for each of its items.
             if let (true, ParamShape::List(n) | ParamShape::Vector(n) | ParamShape::Object { count: n, .. }) =
                 (is_name, *shape)
             {
@@ -365,7 +365,7 @@ impl Model<'_, '_> {
                     why.remedy("give the parameter a name, and compare its items in a condition: v if v[0] > 2")
                 );
             }
-            // A name that an earlier parameter has is not a new one, and is refused below.
+            // The name of an earlier parameter is not a new name, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
                 conditions.extend(condition.map(|c| self.test(c)).transpose()?);
@@ -382,7 +382,7 @@ impl Model<'_, '_> {
                 conditions.extend(test);
                 continue;
             }
-            // Without a new name it must be a constant that the parameter must equal.
+            // An expression that is not a new name must be a constant, which the parameter must equal.
             let constant = parse(name).ok().and_then(|e| compile(&e, &self.scope).ok());
             let constant =
                 constant.and_then(|code| vm::constant_value(&code)).filter(|_| !is_name && condition.is_none());
@@ -423,7 +423,7 @@ impl Model<'_, '_> {
 
     /// Makes the production of one execution path; `None` after an error.
     fn production(&mut self, head: &Head, path: &ExecutionPath) -> Option<Production> {
-        // Each path has its own variables; the parameters of the head are common to all.
+        // Each path has its own variables; all paths share the parameters of the head.
         let own = self.scope.locals.clone();
         let made = self.path_code(path);
         let built = match self.settle(made) {

@@ -19,7 +19,7 @@ use crate::dialect::text::Piece;
 pub(super) const CALLED_FUNCTIONS: [&str; 7] =
     ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
 
-/// Text of the refusal of a function that returns a string other than its argument.
+/// Message for a function that returns a string other than its argument.
 const OTHER_STRING: &str = "a function that returns another string";
 
 /// Placeholder target for the jump of a `return`, until the end of its function is known.
@@ -168,7 +168,8 @@ impl Model<'_, '_> {
                     ops.push(Op::StoreGlobal(self.scope.global(name)));
                 }
                 Statement::Store(store) => self.plain_store(store, ops)?,
-                // test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code that they pass.
+                // The code of an `if`: test, JumpIfZero to the next test, body, Jump to the end; both targets are known only
+                // after the code that they skip.
                 Statement::If(tests, other) => {
                     let mut ends = Vec::new();
                     for (test, then) in tests {
@@ -243,7 +244,7 @@ impl Model<'_, '_> {
     /// Reads a line that sets the turtle, such as `context().turtle.setAngleIncrement(90)`; false for other lines. L008 for
     /// a setting without effect.
     pub(super) fn turtle_setting(&mut self, piece: Piece<'_>) -> bool {
-        // The value of a method is in parentheses, that of a member follows '='.
+        // A value in parentheses sets the argument of a method, a value after '=' a member.
         let value = |method: &str, member: &str| {
             if let Some(i) = piece.text.find(method) {
                 let call = piece.from(i + method.len()).trimmed();

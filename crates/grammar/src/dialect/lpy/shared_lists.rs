@@ -1,5 +1,5 @@
-//! Lists with two names (aliases). In Python a change of a list under one name also changes it under the other: changes of
-//! such lists, and of lists that another block has made, are refused.
+//! Lists with two names (aliases). In Python a change of a list under one name is also visible under the other: changes of such
+//! lists, and of lists that another block has made, are refused.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -11,7 +11,7 @@ use super::objects::COPY_OBJECT;
 use super::refusal::Refusal;
 use super::statement::Statement;
 
-/// Functions that read lists, but store none of them in their result.
+/// Functions that read lists, but do not store any of them in their result.
 const READERS: [&str; 23] = [
     "copy",
     "deepcopy",
@@ -79,7 +79,7 @@ fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
             append_held(value, out);
             append_held(list, out);
         }
-        // The list before a change is not counted: it stays the same list.
+        // The list before a change is not counted, because the change does not make another list.
         PyExpr::Change(_, args, _) => args.iter().skip(1).for_each(|arg| append_held(arg, out)),
         PyExpr::Call(name, args, _) if !READERS.contains(&name.as_str()) => {
             args.iter().for_each(|arg| append_held(arg, out));
@@ -90,7 +90,7 @@ fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
 
 /// The refusal of a change of a list. `why`: the reason.
 fn change_refusal(name: &str, why: &str, place: Range<usize>, remedy: &'static str) -> Refusal {
-    // Names of variables in axioms and functions end in a number, which is removed.
+    // Remove the number in which the names of variables in axioms and functions end.
     let name = name.split(" (").next().unwrap_or(name);
     Refusal::new(format!("a change of the list '{name}', which {why}"), place).remedy(remedy)
 }
@@ -172,7 +172,7 @@ impl Model<'_, '_> {
             return Ok(());
         }
         let is_of_model = self.is_in_axiom && self.scope.lists.contains_key(name);
-        // An object of the head may be changed, because the module is made again.
+        // An object of the head may be changed, because the production makes the module again.
         let is_of_head =
             self.rule_lists.iter().any(|(own, _)| own == name) && self.scope.lists.get(name).is_some_and(is_object);
         if is_change && !path.lists.contains_key(name) && !is_of_model && !is_of_head {
@@ -189,7 +189,7 @@ impl Model<'_, '_> {
         let is_temporary = |name: &str| name.starts_with('(');
         for other in handed_on.names.iter().filter(|other| *other != name) {
             let is_list = path.lists.contains_key(other) || self.scope.lists.contains_key(other);
-            // Temporary variables of this reader are read once: a list that they pass on gets no further name.
+            // Temporary variables of this reader are read only once, so that a list in one of them has no second name.
             let is_read_again = !is_temporary(name) && !is_temporary(other);
             if is_list && (is_read_again || path.shared_lists.contains(other)) {
                 path.shared_lists.insert(other.clone());
