@@ -1,5 +1,5 @@
-//! Estimates the numbers of drops that a bake of rain writes. An estimate simulates one frame without spin-up and needs them
-//! for sizes.
+//! Estimates the numbers of drops that a bake of rain writes. An estimate simulates only one frame without spin-up, and needs the
+//! numbers to predict file sizes.
 
 use glam::Vec3;
 
@@ -13,10 +13,10 @@ use osier_base::physics::GRAVITY;
 use osier_motion::rain::{DropDetail, RainEmitter};
 use osier_scene::{Asset, Mesh, MeshMotion, MeshObject};
 
-/// Constants of the estimate, measured on the tutorial's sapling in 5 to 60 mm/h and on a storm over an oak.
+/// Constants of the estimate, measured on the sapling of the tutorial in 5 to 60 mm/h and on a storm over an oak.
 mod tuning {
-    /// Effective speed of falling drops on Earth, m/s: fall height divided by the mean time in the air. It lies above the mean speed of
-    /// drops, because leaves intercept drops early. Smaller values expect more drops in the air.
+    /// Effective speed of falling drops on Earth, m/s: fall height divided by the mean time in the air. It exceeds the mean speed
+    /// of drops, because leaves intercept drops early. With smaller values more drops are expected in the air.
     pub(super) const FALL_SPEED: f64 = 5.5;
     /// Height of the emitter above the plants, m.
     pub(super) const EMITTER_HEIGHT: f64 = 1.0;
@@ -44,8 +44,8 @@ pub(super) struct ExpectedDrops {
 }
 
 impl ExpectedDrops {
-    /// Expects drops from the flux of the emitter, the height of the plants and the area of their leaves.
-    /// `height`: of the plants' bounds, m.
+    /// Estimates the numbers from the flux of the emitter, the height of the plants and the area of their leaves. `height`:
+    /// height of the plants' bounds, m.
     pub(super) fn new(
         emitter: &RainEmitter,
         height: f64,
@@ -81,13 +81,14 @@ impl ExpectedDrops {
         }
     }
 
-    /// Extends the asset of drops of an estimate to as many points and vertices, all at one place: only their number counts.
+    /// Extends the asset of drops of an estimate to these numbers of points and vertices, all at one position, because only their
+    /// number matters.
     pub(super) fn fill(self, asset: &mut Asset) {
         for cloud in &mut asset.points {
             cloud.positions.resize(self.airborne.max(cloud.positions.len()), Vec3::ZERO);
             cloud.widths.resize(cloud.positions.len(), 0.0);
         }
-        // The frame that was simulated may have no drop on a leaf, for which a still scene has no mesh.
+        // The simulated frame may have no drop on a leaf; a still scene then has no mesh.
         if asset.meshes.is_empty() && self.vertices > 0 {
             let (name, mesh) = ("drops".into(), Mesh::default());
             asset.meshes.push(MeshObject { name, mesh, motion: MeshMotion::Still, skin: None });
