@@ -235,7 +235,7 @@ impl SteppedSnapshot {
 impl SteppedLattice {
     /// Builds a lattice, spins it up or loads its spun-up state, and takes its first two snapshots.
     /// # Errors
-    /// Those of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
+    /// Errors of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
     pub fn start(config: LatticeConfig, progress: &dyn Progress) -> Result<Self> {
         let state = config.start(progress)?;
         Ok(Self { config, state })
@@ -249,7 +249,7 @@ impl SteppedLattice {
     /// The wind between a frame and the next; frames count from the clip's first. An earlier frame than that of the last call
     /// restarts the lattice.
     /// # Errors
-    /// Those of [`LatticeSolver::advance`].
+    /// Errors of [`LatticeSolver::advance`].
     pub fn wind_until_next_frame(&mut self, frame: i64) -> Result<Arc<dyn Wind>> {
         let (config, frame) = (&self.config, frame.max(-i64::from(self.config.options.lead_frames)));
         // A lattice cannot be stepped backwards: run again from the spin-up, which the cache may hold.
@@ -321,7 +321,7 @@ const MAX_CHECKED_BYTES: u64 = 200_000_000;
 
 /// Reports the warnings of a recipe's lattice without running it; those of its solids only up to `MAX_CHECKED_BYTES`.
 /// # Errors
-/// Those of [`LatticeSolver::new`].
+/// Errors of [`LatticeSolver::new`].
 pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_>, report: &mut Report) -> Result<()> {
     if lattice_memory(recipe).is_empty() {
         return Ok(());

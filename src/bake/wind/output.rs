@@ -87,7 +87,7 @@ impl WindGridSampler {
 
     /// Samples the wind at the points of the grids and of the volume that are due at frame `number`.
     /// # Errors
-    /// Those of a lattice.
+    /// Errors of a lattice.
     pub fn sample_frame(&self, scene: &Scene, number: u32) -> Result<SampledWind> {
         let since = number.saturating_sub(scene.clip.start);
         let volume = self.volume.as_ref().zip(scene.volumes.first());

@@ -88,7 +88,7 @@ impl SceneWind {
     /// its spin-up. `full`: in an estimate, the complete recipe, of which `recipe` is a reduction; its lattice is planned but not
     /// run.
     /// # Errors
-    /// Those of [`LatticePlan::new`] and of the lattice's run.
+    /// Errors of [`LatticePlan::new`] and of the lattice's run.
     pub fn new(
         recipe: &Recipe,
         full: Option<&Recipe>,
@@ -151,7 +151,7 @@ impl SceneWind {
     /// The wind of the whole box between frame `frame`, counted from the clip's first, and the next. If a lattice is stepped, an
     /// earlier frame than before restarts it.
     /// # Errors
-    /// Those of a lattice.
+    /// Errors of a lattice.
     pub fn wind_until_next_frame(&self, user: WindUser, frame: i64) -> Result<Arc<dyn Wind>> {
         let wind = match (&self.stepped, &self.field) {
             (Some(stepped), _) => {

@@ -1,4 +1,4 @@
-//! Boundary exchange: moves populations to the halo slots from which cells beside walls, ground and open faces read.
+//! Boundary exchange: moves populations to the halo slots from which cells at walls, ground and open faces read.
 //!
 //! A step goes through the domain plane by plane. Before a plane is computed, populations that arrive at it from
 //! boundaries are scattered into the slots its cells read, or into [`RowHalo`] for the ends of rows; afterwards, those

@@ -97,7 +97,7 @@ impl Canopy {
 
     /// World positions, m, of the ends of all twigs at a time.
     /// # Errors
-    /// Those of the plants' motions.
+    /// Errors of the plants' motions.
     pub(crate) fn positions(&self, time: FrameTime) -> Result<TwigPositions> {
         let posed = |plant: &CanopyPlant| {
             // Copies of one individual show its motion with different phases, so that they do not sway in unison.

@@ -112,7 +112,7 @@ pub(crate) struct FlightSetup<'a> {
 impl FlightPlayback {
     /// A flight before its spin-up, with its random starts drawn; nothing is simulated yet.
     /// # Errors
-    /// Those of the motions of plants that release catkins.
+    /// Errors of the motions of plants that release catkins.
     pub(crate) fn new(
         scene: &FlightSetup<'_>,
         wind: &Arc<SceneWind>,

@@ -26,7 +26,8 @@ mod tuning {
     pub(super) const MAX_RESIDENCE_TIME: f64 = 4.0;
     /// Radius of a typical drop on a leaf in natural rain, m.
     pub(super) const DROP_RADIUS: f64 = 1e-3;
-    /// The same in rain of drops of one size, divided by their diameter, for a half sphere of the volume of the falling drop.
+    /// Radius of a typical drop on a leaf divided by the diameter of falling drops, in rain of drops of one size: a half sphere
+    /// of the same volume.
     pub(super) const RADIUS_PER_DIAMETER: f64 = 0.63;
 }
 

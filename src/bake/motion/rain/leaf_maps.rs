@@ -158,7 +158,7 @@ pub fn add_leaf_maps(
         // Remove instances only after all leaves are processed, because their indices must not shift before.
         removed.insert(leaf.instance);
     }
-    // Filter the instancers; those that lose their last leaf are removed.
+    // Filter the instancers; remove those without remaining leaves.
     let mut separated = Vec::new();
     for (a, asset) in assets.iter_mut().enumerate() {
         let is_kept = |instancer, instance| !removed.contains(&LeafInstanceIndex { asset: a, instancer, instance });

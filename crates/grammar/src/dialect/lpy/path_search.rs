@@ -402,7 +402,7 @@ impl Model<'_, '_> {
         // An object that the function changes belongs to the caller: keep the caller's name for it.
         let mut is_same = vec![false; params.len()];
         for ((k, param), arg) in params.iter().enumerate().zip(&args) {
-            // The same holds for a list that the caller has made and that the function changes.
+            // The same applies to a list that the caller has made and that the function changes.
             let is_own_list = |name: &String| {
                 let list = path.lists.get(name).and_then(|list| self.list_of(list, path));
                 matches!(list, Some(PyExpr::List(..))) && changes(&body, param)

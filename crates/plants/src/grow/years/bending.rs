@@ -480,7 +480,7 @@ impl WithSimd for BendKernel<'_> {
     }
 }
 
-/// The operations of [`Turning::turn`] from the bend on, in the same order.
+/// The operations of [`Turning::turn`] that begin with the bend, in the same order.
 struct RightingKernel<'a>(&'a mut TurningGroup);
 
 impl WithSimd for RightingKernel<'_> {

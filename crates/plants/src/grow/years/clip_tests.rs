@@ -69,7 +69,7 @@ fn a_clip_shows_the_leaves_of_the_tree_of_each_age() {
 
 #[test]
 fn years_between_the_stored_ones_are_near_those_that_were_grown() {
-    // Of 50 years every second is stored; year 21 lies between two of them.
+    // Every second of 50 years is stored; year 21 lies between two stored years.
     let grown = spec(50.0);
     let clip = clip_of(&grown, whole(50.0), ClipLeaves::Summer);
     let off = leaf_distances(&clip, &TreeSpec { age: 21.0, ..grown });

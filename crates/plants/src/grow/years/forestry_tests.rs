@@ -31,7 +31,7 @@ fn grow_all(specs: &[TreeSpec], site: &Site) -> Vec<GrownTree> {
 struct MatureTree {
     measures: Measures,
     bare_wood: BareWood,
-    /// Numbers of axes of each order after Strahler, from the twigs on.
+    /// Number of axes of each Strahler order, beginning with the twigs.
     strahler_counts: Vec<usize>,
     shell_share: f32,
 }

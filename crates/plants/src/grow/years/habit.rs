@@ -39,7 +39,7 @@ pub struct HabitKey {
     pub min: f64,
     /// Largest value allowed, in `unit`.
     pub max: f64,
-    /// Whether it takes one number, two numbers, or a list by order of axes.
+    /// Whether the key takes one number, two numbers, or a list by order of axes.
     pub arity: Arity,
     values: fn(&Habit) -> &[f32],
     values_mut: fn(&mut Habit) -> &mut [f32],

@@ -488,7 +488,7 @@ fn a_dead_tip_gets_a_new_leader() {
     assert!((tree.scratch.main[1] - 2.0).abs() < 1e-6 && (tree.scratch.side[1] - 1.0).abs() < 1e-6);
 }
 
-/// Where a side bud takes over from the tip of the stem, the stem bends over several internodes; a branch bends at one.
+/// If a side bud takes over from the tip of the stem, the stem bends over several internodes; a branch bends at one.
 #[test]
 fn relays_bend_the_stem_over_several_internodes() {
     let mut spec = spec(6.0);
