@@ -159,7 +159,7 @@ impl GrowthClip {
         self.sources.iter().map(|source| posed_node(&self.record.tree, &wood, *source).p).collect()
     }
 
-    /// The tree at the end of the last year that the clip shows, without what has fallen by then, validated.
+    /// The tree at the end of the last year that the clip shows, without wood that has fallen by then, validated.
     /// # Errors
     /// As [`GrownTree::plant`].
     pub fn plant_at_end(&self, limits: &Limits) -> Result<Plant> {
