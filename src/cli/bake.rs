@@ -61,7 +61,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     context.console.report(&unselected);
     // The default folder is named after the scene.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
-    // Those of the scene's text and of the selection, which the manifest does not hold.
+    // Warnings of the scene's text and of the selected frames, which the manifest does not contain.
     let warning_count = warnings.diagnostics.len() + unselected.diagnostics.len();
     let hash = recipe.hash_of_frames(&frames);
     if !context.common.dry_run
@@ -235,11 +235,11 @@ fn selection(context: &Context, args: &Bake, recipe: &Recipe) -> std::result::Re
 }
 
 /// The manifest of the folder if the folder is up to date: complete, written by this program from the same scene, and closed
-/// by the run that wrote it. `hash`: of the scene and its frames.
+/// by the run that wrote it. `hash`: hash of the scene and its frames.
 fn current(context: &Context, root: &Path, hash: &str) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
-    // Another version of the program may write other bytes for the same hash.
-    // `is_settled` compares the key, which holds the sources, with the one that the last run left in the folder.
+    // The hash covers only the scene and its frames; another version of the program may write other bytes. `is_settled` compares
+    // the key, which contains a hash of the program's sources, with the key that the last run left in the folder.
     let is_same = m.scene.hash == hash && m.version == VERSION;
     (is_same && found.is_complete() && is_settled(root, &key(hash))).then_some(m)
 }

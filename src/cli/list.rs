@@ -26,7 +26,8 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
-    // Parameters are those of the scenes that are named; presets are drawn with the seed.
+    // Flags without effect: none for parameters, which are read from the named scenes; three for presets; all scene flags for
+    // other lists.
     let without_effect: &[&'static str] = match args.what {
         What::Knobs => &[],
         What::Presets => &["--set", "--dialect", "--rng"],
@@ -254,7 +255,7 @@ fn shown(limit: u64) -> String {
 }
 
 fn options_json(tables: &[TableInfo]) -> serde_json::Value {
-    // Of the tables of a path, those of which a scene may have several: an index stands behind their names in an override.
+    // `lists`: the tables along a path of which a scene may have several; an override puts an index after their names.
     let all = options();
     let lists = |path: &str| -> Vec<&str> {
         let is_of_path =
@@ -293,7 +294,7 @@ fn as_json(context: &Context, what: What) -> serde_json::Value {
         }
         What::Limits => {
             let row = |l: &osier_base::limits::Limit| {
-                // A number beyond 2^53, which stands for no limit, is another one to many readers.
+                // The largest u64, which means "no limit", is above 2^53 and many JSON readers would change it: write null.
                 let value = Some(context.limits.get(l.name)).filter(|value| *value != u64::MAX);
                 json!({ "name": l.name, "default": l.default, "value": value, "counts": l.counts })
             };

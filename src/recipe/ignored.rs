@@ -99,7 +99,7 @@ impl Resolver<'_> {
         self.report_unmet(table_at(root, &["fog"]), "fog", &[haze]);
         let fitted = needs(&["distance"], recipe.camera.eye.is_none(), "a fitted camera: leave `eye` out");
         self.report_unmet(table_at(root, &["camera"]), "camera", &[fitted]);
-        // The scene of a bare file hides the ground itself.
+        // The scene made for a bare file turns the ground off itself, which needs no warning.
         let has_ground = recipe.terrain.is_none() || self.request.bare.is_some();
         let whole = [
             needs(&["ground"], has_ground, "a scene without [terrain], which replaces the ground"),
@@ -254,7 +254,7 @@ impl Resolver<'_> {
                 needs(&["clear"], is_later, "earlier plants: a [[place]], or another [[scatter]] before this one");
             self.report_unmet(Some(table), &format!("scatter.{i}"), &[disc, earlier]);
         }
-        // A density estimation has limits only where there is one.
+        // The limits of the density estimation have an effect only if the estimation is enabled.
         let is_spread = recipe.picture.spread > 0.0;
         let spread = needs(&["spread_min_px", "spread_curve"], is_spread, "a density estimation: spread_px = 4");
         let alone = needs(

@@ -18,7 +18,7 @@ struct NearestPlace {
 }
 
 impl KeyPlaces {
-    /// Places in the scene with the root table `root`; `sources`: the texts that its spans point into.
+    /// Looks up places of keys below the root table `root`. `sources`: the texts into which its spans point.
     pub(in crate::recipe) fn new(sources: &Sources, root: &TomlTable) -> Self {
         Self { sources: sources.clone(), root: root.clone() }
     }

@@ -240,7 +240,7 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
             Growth::Grammar(grammar) => grammar.defines().iter().any(|define| define.name == name),
             _ => false,
         };
-        // A misspelt one, too, in any case of letters: `hight` of HEIGHT.
+        // Also find a misspelt name, ignoring case: `hight` for HEIGHT.
         let wanted = name.to_lowercase();
         let similar = recipe.plants.iter().find_map(|p| {
             let Growth::Grammar(grammar) = &p.growth else { return None };

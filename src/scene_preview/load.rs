@@ -227,8 +227,8 @@ impl PreviewScene {
 fn read_mesh(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Imported> {
     let bytes = files::read_input(path, limits.get("mesh-bytes"), "--max-mesh-bytes")?;
     let roots = SearchPaths::new(path, search)?;
-    // glTF tells which materials transmit light; through those of OBJ, which does not, passes some as through leaves, unless their
-    // names say that they are no leaves.
+    // glTF states which materials transmit light. OBJ does not: its materials are taken for leaves, which do, unless their names
+    // say otherwise.
     let is_gltf = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"));
     let class = if is_gltf { MaterialClass::Bark } else { MaterialClass::Leaf };
     let options = ImportOptions { roots: &roots, limits, up: UpAxis::Y, scale: 1.0, class };
@@ -295,7 +295,7 @@ fn triangles_where(mesh: &Mesh, is_kept: impl Fn(usize) -> bool) -> Mesh {
 fn is_land(name: &str, manifest: &Manifest) -> bool {
     let node = name.split(' ').next().unwrap_or_default();
     let is_part = |id: &str| node.strip_prefix(id).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
-    // Of `ground` and `ground_elder` the longer name that fits is meant.
+    // If the node name fits several assets, such as `ground` and `ground_elder`, the longest asset name is meant.
     let asset = manifest.assets.iter().filter(|a| is_part(&a.id)).max_by_key(|a| a.id.len());
     asset.is_some_and(|a| a.kind == AssetKind::Terrain.word())
 }

@@ -152,7 +152,7 @@ fn remedies(flag: &str, help: &str) -> String {
 fn io_remedy(action: &str, source: &std::io::Error) -> &'static str {
     use std::io::ErrorKind as K;
     let reads = matches!(action, "open" | "read");
-    // Commands without -o, whose argument is the place.
+    // "make" is the action of commands without `-o`, whose argument is the place itself.
     let makes = action == "make";
     match source.kind() {
         K::PermissionDenied if reads => "; change its permissions, or name a copy that you may read",

@@ -191,7 +191,7 @@ impl ModuleString {
         }
     }
 
-    /// The parameters of all modules; append those of the modules that [`ModuleString::finish_modules`] will complete.
+    /// The parameters of all modules; append those of the modules that [`ModuleString::append_modules`] will complete.
     #[inline]
     pub(crate) fn params_mut(&mut self) -> &mut Vec<f32> {
         &mut self.params
@@ -199,7 +199,7 @@ impl ModuleString {
 
     /// Appends modules whose parameters, from index `block.first_param` on, were appended before. `lineages`: one for each module.
     #[inline]
-    pub(crate) fn finish_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
+    pub(crate) fn append_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
         if self.prepare_ends() {
             self.ends.extend(block.ends.iter().map(|e| e.wrapping_add(block.first_param)));
         }
@@ -305,7 +305,7 @@ mod tests {
         let (symbols, ends) = ([7, 8], [3, 3]);
         let first_param = u32::try_from(s.param_count()).expect("small").wrapping_sub(2);
         s.params_mut().push(9.0);
-        s.finish_modules(ModuleBlock { symbols: &symbols, ends: &ends, first_param }, [0, 0].into_iter(), 1);
+        s.append_modules(ModuleBlock { symbols: &symbols, ends: &ends, first_param }, [0, 0].into_iter(), 1);
         assert_eq!(params(&s)[5..], [vec![9.0], vec![]]);
     }
 }

@@ -118,9 +118,10 @@ fn trunk(ifs: &Ifs) -> Result<((DVec3, DVec3), f64), Box<Diagnostic>> {
     let (foot, tip) = (end(low.y), end(high.y));
     let half = 0.5 * (high.x - low.x).max(high.z - low.z);
     let widths = stem.affine.singular_values();
-    // The image of the crown is thin outside: its densest part has four fifths of the width.
+    // The image of the crown takes four fifths of the width of the trunk (`DENSE` in write/tree.rs), so divide by that to get the
+    // radius of the trunk.
     let radius = (widths[1] * half / 0.8).max(1e-6);
-    // Close to the unit segment the trunk is that segment, so that words keep round numbers.
+    // A trunk that nearly equals the unit segment is set to it, so that coordinates of words stay round numbers.
     let near = |p: DVec3, q: DVec3| (p - q).length() < UNIT_TRUNK_TOLERANCE;
     if near(foot, unit.0) && near(tip, unit.1) { Ok((unit, radius)) } else { Ok(((foot, tip), radius)) }
 }

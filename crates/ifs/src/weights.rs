@@ -98,7 +98,7 @@ fn differences(column: &[f64]) -> Option<Vec<f64>> {
 fn area_weights(ifs: &Ifs, warnings: &mut Vec<Diagnostic>) -> Vec<f64> {
     let areas: Vec<f64> = ifs.maps.iter().map(|m| m.affine.det(ifs.dim).abs()).collect();
     let largest = areas.iter().fold(0.0_f64, |m, a| m.max(*a));
-    // A near-rotation keeps its area: by area it would take nearly all points.
+    // A map that hardly contracts keeps almost all of its area, so weights by area would give it nearly all points.
     if let Some(turn) = ifs.maps.iter().find(|m| m.affine.norm() > MAX_AREA_NORM) {
         let text = "weights by area are unsuitable for a map that hardly contracts";
         let d = Diagnostic::warning("I027", text, turn.span, format!("norm {:.6}", turn.affine.norm()));

@@ -327,7 +327,7 @@ pub fn tree_extent(ifs: &Ifs, letters: &Letters, trunk: (DVec3, DVec3)) -> TreeE
     let mut extent = TreeExtent { height: 0.0, half_width: 0.0 };
     let mut stack = vec![(Affine::IDENTITY, WordMeasure { size: 1.0, depth: 0, order: 0 })];
     while let Some((map, word)) = stack.pop() {
-        // The trunk's tip under every word gives the ends of all segments.
+        // The image of the tip of the trunk under the map of a word is the end of the segment of that word.
         let end = map.apply(tip);
         let off = end - foot;
         extent.height = extent.height.max(end.y);

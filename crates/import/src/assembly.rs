@@ -73,8 +73,8 @@ pub(super) fn join(context: &mut ImportContext<'_>, mut parts: Vec<MeshPart>) ->
 /// Warns (X016) of a mesh so far from the origin of its file that 32-bit coordinates change its shape, for example
 /// terrain in the coordinates of a national grid.
 fn warn_of_rounding(context: &mut ImportContext<'_>, parts: &[MeshPart]) {
-    /// Distance of neighbouring f32 coordinates, as a share of the size of the mesh, from which on the shape suffers.
-    /// Own: a mesh of 1 km then has steps of 10 cm; meshes near their origin are a thousand times finer.
+    /// Spacing of neighbouring f32 coordinates, as a share of the size of the mesh, above which its shape visibly suffers. Own: a
+    /// mesh of 1 km then has steps of 10 cm; meshes near their origin are a thousand times finer.
     const COARSE: f32 = 1e-4;
     let bounds = Bounds::of(parts.iter().flat_map(|p| p.points.iter().copied()));
     let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();

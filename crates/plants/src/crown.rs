@@ -106,7 +106,7 @@ pub fn crown_light(leaves: &[CrownLeaf]) -> Vec<CrownLight> {
     let grid = CrownGrid::new(leaves);
     let directions = directions();
     let depths = par_map(&directions, |d| grid.optical_depths(*d));
-    let cells = grid.light(&directions, &depths);
+    let cells = grid.cell_light(&directions, &depths);
     leaves.iter().map(|leaf| grid.at(leaf.position, &cells)).collect()
 }
 
@@ -197,7 +197,7 @@ impl CrownGrid {
         depths
     }
 
-    fn light(&self, directions: &[IVec3], depths: &[Vec<f32>]) -> Vec<CellLight> {
+    fn cell_light(&self, directions: &[IVec3], depths: &[Vec<f32>]) -> Vec<CellLight> {
         let unit: Vec<Vec3> = directions.iter().map(|d| d.as_vec3().normalize()).collect();
         let weights: Vec<f32> =
             // No skylight comes from below, but directions below the horizon still count for `outward`.

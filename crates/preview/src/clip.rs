@@ -214,7 +214,8 @@ impl Palette {
         let (indices, lacks) = self.nearest(picture);
         match self.allowed {
             None => {
-                // The colours that the fitted palette lacks in its own picture are no reason to choose another palette.
+                // Colours that the fitted palette lacks even in its own picture must not cause a new palette: allow three times
+                // their number.
                 self.allowed = Some(3 * lacks + picture.pixels.len() / PIXELS_PER_LACK);
                 indices
             }

@@ -1,4 +1,4 @@
-//! Wind fields computed from other wind fields: scaled, summed, shifted in time, and made to repeat.
+//! Wind fields computed from other wind fields: scaled, summed, shifted in time, or made periodic.
 
 use std::sync::Arc;
 
@@ -11,9 +11,9 @@ use osier_base::math::narrow;
 /// A wind with its velocities multiplied by a factor. Gusts still travel at the speed of the original wind.
 #[derive(Debug, Clone)]
 pub struct ScaledWind {
-    /// The original wind; its period stays.
+    /// The original wind; its period does not change.
     pub wind: Arc<dyn Wind>,
-    /// Factor on all velocities, means included.
+    /// Factor on all velocities, including the means.
     pub factor: f32,
 }
 
@@ -96,7 +96,7 @@ impl Wind for WindSum {
         self.0.iter().map(|w| w.prescribed_mean_at_time(t)).sum()
     }
 
-    /// The common period of all winds, if they have one; a wind that never changes (period 0) fits any period.
+    /// The common period of all winds, if they have one; a steady wind (period 0) is compatible with any period.
     fn period(&self) -> Option<f64> {
         self.0.iter().map(|w| w.period()).try_fold(0.0, |common, own| {
             let own = own?;
@@ -244,7 +244,8 @@ mod tests {
             out[0]
         };
         assert_eq!(looped.period(), Some(5.0));
-        // The first three seconds are those of the wind; the last two lead from it to the two before its beginning.
+        // The first three seconds are those of the original wind; the last two cross-fade from it to its two seconds before time
+        // 0.
         assert_eq!(at(&looped, 2.5), at(&*wind, 2.5));
         assert_eq!(at(&looped, 0.0), at(&*wind, 0.0));
         let halfway = (at(&*wind, 4.0) + at(&*wind, -1.0)) * 0.5;

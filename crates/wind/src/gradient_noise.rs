@@ -1,4 +1,4 @@
-//! Perlin gradient noise in one dimension for winds, which call it millions of times: gradients from an integer hash, without
+//! Perlin gradient noise in one dimension for winds, which evaluate it millions of times: gradients from an integer hash, without
 //! trigonometry. [`super::noise_block`] has two and three dimensions.
 
 /// Period, in cells, of noise that does not have to repeat.
@@ -14,7 +14,7 @@ pub struct TimeNoise {
     seed: u32,
     /// Noise cells per second.
     rate: f64,
-    /// Cells after which it repeats.
+    /// Number of cells after which the noise repeats.
     cells: i32,
 }
 
@@ -32,7 +32,7 @@ impl TimeNoise {
         }
     }
 
-    /// An independent noise of the same rate and period.
+    /// An independent noise with the same rate and period.
     #[must_use]
     pub fn with_seed_offset(self, number: u32) -> Self {
         Self { seed: self.seed.wrapping_add(number), ..self }

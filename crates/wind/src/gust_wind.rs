@@ -1,4 +1,4 @@
-//! Gusts that travel downwind, with turbulent eddies in them.
+//! Gusts that travel downwind and contain turbulent eddies.
 
 use glam::Vec3;
 use pulp::{Arch, Simd, WithSimd};
@@ -10,13 +10,13 @@ use super::{CALM_SPEED, Wind, power_law};
 use osier_base::math;
 use osier_base::rng::Rng;
 
-/// Samples of the tabulated height profile, 0.25 m apart; above its 100 m the power law is evaluated.
+/// Number of samples of the tabulated height profile, 0.25 m apart; above its 100 m the power law is evaluated.
 const PROFILE_SAMPLES: usize = 400;
 
-/// Mean wind, gusts, eddies and seed of a [`GustWind`]; the default blows with 4.5 m/s along +X and does not repeat.
+/// Mean wind, gusts, eddies and seed of a [`GustWind`]; the default is 4.5 m/s along +X and does not repeat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GustWindOptions {
-    /// Horizontal unit vector that the mean wind blows towards.
+    /// Horizontal unit vector towards which the mean wind blows.
     pub direction: Vec3,
     /// Mean speed at 10 m, m/s, 0..60.
     pub speed: f64,
@@ -33,7 +33,7 @@ pub struct GustWindOptions {
     pub wander: f32,
     /// Exponent of the power-law height profile; 0 for the same wind at all heights.
     pub power: f32,
-    /// Time after which everything repeats, s; none for a wind that does not repeat.
+    /// Time after which the whole field repeats, s; `None` for a wind that does not repeat.
     pub period: Option<f64>,
     /// Seed of the noise of gusts, eddies and direction.
     pub seed: u64,
@@ -56,12 +56,12 @@ impl Default for GustWindOptions {
     }
 }
 
-/// Noise that the mean wind carries downwind unchanged.
+/// Noise that the mean wind advects downwind unchanged.
 #[derive(Debug, Clone, Copy)]
 struct AdvectedNoise {
     /// Edge of a noise cell, m.
     length: f64,
-    /// Cells along the wind after which the noise repeats.
+    /// Number of cells along the wind after which the noise repeats.
     cells: i32,
     seed: u32,
 }
@@ -110,7 +110,7 @@ pub struct GustWind {
     across: Vec3,
     gusts: AdvectedNoise,
     eddies: AdvectedNoise,
-    /// Cells of the direction's noise per period.
+    /// Number of cells of the direction's noise per period.
     wander_cells: i32,
     wander_seed: u32,
     /// Mean speed at heights 0.25 m apart, from 0 m up, divided by that at 10 m.
@@ -125,7 +125,7 @@ impl GustWind {
         let mut seed = || (rng.next_u64() >> 32) as u32;
         let speed = options.speed.max(CALM_SPEED);
         let cells = options.period.map_or(f64::from(ENDLESS), |t| (t / WANDER_TIME).round().max(MIN_CELLS_PER_PERIOD));
-        // Struct fields are evaluated in the order written: each noise keeps its own draw of the seed.
+        // Struct fields are evaluated in the order written, which determines the draw of the seed that each noise gets.
         Self {
             gusts: AdvectedNoise::new(options.gust_length, speed, options.period, seed()),
             eddies: AdvectedNoise::new(options.eddy_size, speed, options.period, seed()),
@@ -149,7 +149,7 @@ impl GustWind {
         }
     }
 
-    /// Horizontal unit vector that the wind blows towards at time `t`, s: the mean direction, turned about +Y by noise.
+    /// Horizontal unit vector towards which the wind blows at time `t`, s: the mean direction, turned about +Y by noise.
     fn direction(&self, t: f64) -> Vec3 {
         // With a period, a whole number of noise cells passes in it.
         let rate = self.options.period.map_or(WANDER_TIME.recip(), |p| f64::from(self.wander_cells) / p);
@@ -189,14 +189,14 @@ impl WithSimd for GustKernel<'_> {
 }
 
 impl GustWind {
-    /// u = U0 h(y) [max(0, 1 + g n1) w + I (n2x w + n2y Y / 2 + 0.7 n2z c)] at no more than [`BLOCK`] positions. w, c: along
-    /// and across the wind; g, I: strengths of gusts and eddies; n1: noise of long waves, n2: of short ones. Both are carried
-    /// along at the mean speed (Taylor's frozen turbulence).
+    /// u = U0 h(y) [max(0, 1 + g n1) w + I (n2x w + n2y Y / 2 + 0.7 n2z c)] at no more than [`BLOCK`] positions. w, c: unit
+    /// vectors along and across the wind; g, I: strengths of gusts and eddies; n1: noise of long waves, n2: of short ones. Both
+    /// are advected at the mean speed (Taylor's frozen turbulence).
     #[inline(always)]
     fn sample_block(&self, positions: &[Vec3], t: f64, axes: WindAxes, out: &mut [Vec3]) {
         let (o, g, e) = (&self.options, &self.gusts, &self.eddies);
-        // Coordinates in the frame that moves with the mean wind, where the noise does not change in time. The mean
-        // direction is used, not the momentary one, which would swing far-off gusts sideways.
+        // Coordinates in the frame that moves with the mean wind, in which the noise does not change in time. It uses the mean
+        // direction, not the momentary one, which would move distant gusts sideways.
         let [mut x, mut y, mut z] = [[0.0; BLOCK]; 3];
         for (i, p) in positions.iter().enumerate() {
             x[i] = f64::from(p.dot(o.direction)) - o.speed * t;
@@ -270,7 +270,8 @@ mod tests {
     fn the_mean_is_as_asked_at_every_height() {
         for (seed, y) in [(1, 1.0), (2, 10.0), (3, 30.0)] {
             let wind = GustWind::new(GustWindOptions { seed, wander: 0.0, ..GustWindOptions::default() });
-            // Many places instead of one for a long time: the same average, sooner.
+            // Average over many positions instead of over a long time at one position: the mean is the same, and takes less time
+            // to compute.
             let places: Vec<Vec3> = (0..64).map(|i| Vec3::new(0.0, y, i as f32 * 317.0)).collect();
             let mut out = vec![Vec3::ZERO; places.len()];
             let (mut sum, mut n) = (0.0_f64, 0.0);

@@ -1,4 +1,4 @@
-//! Winds over hills: heights count from the ground beneath.
+//! Winds over hills: heights are measured from the ground below.
 
 use std::sync::Arc;
 

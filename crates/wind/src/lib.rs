@@ -47,14 +47,14 @@ pub const CALM_SPEED: f64 = 0.01;
 
 /// A wind field: air velocity as a pure function of position and time.
 pub trait Wind: Debug + Send + Sync {
-    /// Air velocities, m/s, at `positions`, m, and time `t`, s. `out` is as long as `positions`.
+    /// Air velocities, m/s, at `positions`, m, and time `t`, s. `out` has the length of `positions`.
     fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]);
 
     /// Mean velocity at 10 m above the ground, m/s.
     fn mean(&self) -> Vec3;
 
-    /// Mean velocity at a position, m, in m/s. Where the scene prescribes speed or direction over time: the largest
-    /// speed, in the direction at t = 0.
+    /// Mean velocity at a position, m, in m/s. If the scene prescribes speed or direction over time: the largest speed, in the
+    /// direction at t = 0.
     fn mean_at(&self, position: Vec3) -> Vec3;
 
     /// Mean velocity, m/s, at a position, m, that the scene prescribes for the time `t`, s. It equals [`Wind::mean_at`]
@@ -75,7 +75,7 @@ pub trait Wind: Debug + Send + Sync {
         self.mean()
     }
 
-    /// Time after which the field repeats everywhere, s; 0 if it never changes, none if it never repeats.
+    /// Time after which the field repeats everywhere, s; 0 if it never changes, `None` if it never repeats.
     fn period(&self) -> Option<f64>;
 }
 

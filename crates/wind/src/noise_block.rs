@@ -1,4 +1,4 @@
-//! Perlin gradient noise in two and three dimensions at a block of positions at once: plain loops over arrays, which the compiler
+//! Perlin gradient noise in two and three dimensions at a block of positions: plain loops over arrays, which the compiler
 //! vectorizes.
 
 #![allow(clippy::needless_range_loop, reason = "one index runs through many blocks")]
@@ -8,7 +8,7 @@ use super::gradient_noise::{fade, hash_cell};
 /// Positions per block.
 pub(super) const BLOCK: usize = 64;
 
-/// Root mean square of each component of [`noise3`], measured; a test holds it.
+/// Root mean square of each component of [`noise3`], measured; a test checks it.
 pub(super) const NOISE3_RMS: f32 = 0.219;
 
 /// One number per position of a block.
@@ -26,7 +26,7 @@ pub(super) struct CoordinateBlock {
 }
 
 impl CoordinateBlock {
-    /// All coordinates 0, to be set.
+    /// All coordinates 0, before they are set.
     pub(super) const ZERO: Self = Self { low: [0; BLOCK], high: [0; BLOCK], fraction: [0.0; BLOCK] };
 
     /// Sets every coordinate. `x`: in cells, within +-2^31; `period`: cells after which the lattice repeats, >= 1.
@@ -40,7 +40,7 @@ impl CoordinateBlock {
             // floor(x) modulo the period, by a product with 1/period in place of a division.
             let floor = x[i].floor();
             let remainder = floor - (floor * inverse).floor() * cells;
-            // The rounded product may lie on the other side of an integer: then the remainder is off by one period.
+            // The rounded product may be on the other side of an integer; the remainder then differs by one period.
             let up = if remainder < 0.0 { cells } else { 0.0 };
             let down = if remainder >= cells { cells } else { 0.0 };
             let cell = (remainder + up) - down;
@@ -63,7 +63,7 @@ pub(super) fn noise2(seed: u32, p: [&CoordinateBlock; 2], out: &mut BlockValues)
         let (a, b) = (corner_ramp2(seed, x0, y0, x, y), corner_ramp2(seed, x1, y0, x - 1.0, y));
         let (c, d) = (corner_ramp2(seed, x0, y1, x, y - 1.0), corner_ramp2(seed, x1, y1, x - 1.0, y - 1.0));
         let (low, high) = (a + (b - a) * u, c + (d - c) * u);
-        // Unit gradients reach 1/sqrt(2) in the middle of a cell.
+        // Noise of unit gradients reaches 1/sqrt(2) in the middle of a cell.
         out[i] = std::f32::consts::SQRT_2 * (low + (high - low) * v);
     }
 }
@@ -74,7 +74,7 @@ pub(super) fn noise2(seed: u32, p: [&CoordinateBlock; 2], out: &mut BlockValues)
 fn corner_ramp2(seed: u32, cx: u32, cy: u32, x: f32, y: f32) -> f32 {
     const DIAGONAL: f32 = std::f32::consts::FRAC_1_SQRT_2;
     let h = hash_cell(seed, [cx, cy, 0]);
-    // Bits 29 and 30 choose axis and diagonal, bit 31 the sign; selects in place of a table keep the loop vectorized.
+    // Bits 29 and 30 select axis and diagonal, bit 31 the sign; selects instead of a table keep the loop vectorized.
     let (level, diagonal) = (h >> 29 & 1, h >> 30 & 1);
     let along = if level == 0 { x } else { y };
     let across = if level == 0 { y } else { -y };
@@ -82,8 +82,8 @@ fn corner_ramp2(seed: u32, cx: u32, cy: u32, x: f32, y: f32) -> f32 {
     f32::from_bits(value.to_bits() ^ (h & 0x8000_0000))
 }
 
-/// Three independent gradient noises in three dimensions, each in about [-1, 1]. One hash per corner serves all three, which
-/// read different bits of it.
+/// Three independent gradient noises in three dimensions, each in about [-1, 1]. They share one hash per corner, of which they
+/// read different bits.
 #[inline(always)]
 pub(super) fn noise3(seed: u32, p: [&CoordinateBlock; 3], out: &mut [BlockValues; 3]) {
     let [first, second, third] = out;

@@ -16,13 +16,13 @@ const SINE_PERIOD: f64 = 4.0;
 const PRINTED_NOISE_AMPLITUDE: f64 = 4.0;
 /// Frames per second of the printed equation, whose time is counted in frames.
 const PRINTED_FPS: f64 = 60.0;
-/// Frames between two values of the printed noise.
+/// Number of frames between two values of the printed noise.
 const PRINTED_NOISE_INTERVAL: f64 = 30.0;
 
 /// Sine, noise, height profile and period of a [`SineWind`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SineWindOptions {
-    /// Horizontal unit vector that the wind blows towards.
+    /// Horizontal unit vector towards which the wind blows.
     pub direction: Vec3,
     /// Mean speed V0 at 10 m, m/s.
     pub speed: f64,
@@ -32,7 +32,7 @@ pub struct SineWindOptions {
     pub power: f32,
     /// Evaluate the equation as printed: the same speed everywhere, a sine of amplitude V0, noise that is never negative.
     pub literal: bool,
-    /// Time after which the wind repeats, s; none for a wind that does not repeat.
+    /// Time after which the wind repeats, s; `None` for a wind that does not repeat.
     pub period: Option<f64>,
     /// Seed of the value noise and the gradient noise.
     pub seed: u64,
@@ -59,7 +59,7 @@ pub struct SineWindOptions {
 #[derive(Debug, Clone, Copy)]
 pub struct SineWind {
     options: SineWindOptions,
-    /// Period of the sine, s; a whole number of them makes the wind's period.
+    /// Period of the sine, s; the wind's period is a multiple of it.
     sine_period: f64,
     /// Noise cells of the first octave per second.
     noise_rate: f64,
@@ -122,8 +122,8 @@ impl SineWind {
         f64::from(self.sum_octaves(noise, t))
     }
 
-    /// Weighted mean of octaves of a noise, each of twice the frequency and half the amplitude of the one before.
-    /// `noise`: from seed, coordinate in cells, and cells per period.
+    /// Weighted mean of octaves of a noise, each with twice the frequency and half the amplitude of the previous one. `noise`:
+    /// function of seed, coordinate in cells, and cells per period.
     fn sum_octaves(&self, noise: impl Fn(u32, f64, i32) -> f32, t: f64) -> f32 {
         let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
         for k in 0..SINE_NOISE_OCTAVES {
@@ -190,7 +190,7 @@ mod tests {
         let mean = |w: &SineWind| (0..40_000_u32).map(|k| w.speed(f64::from(k) * 0.1)).sum::<f64>() / 40_000.0;
         let w = wind(false, None);
         assert!((mean(&w) / 10.0 - 1.0).abs() < 0.03, "{}", mean(&w));
-        // The printed line has another mean, which it reports too.
+        // The printed equation has another mean, which `mean` returns too.
         let printed = wind(true, None);
         let told = f64::from(printed.mean_at(Vec3::Y).x);
         assert!((mean(&printed) / told - 1.0).abs() < 0.02 && told > 11.9, "{} {told}", mean(&printed));

@@ -101,14 +101,15 @@ impl GrownPlant {
         Ok(())
     }
 
-    /// The plant for formats without frames: with the leaves of the first frame, or, if it grows, as old as the clip shows it; `None` if it
-    /// is that already.
+    /// The plant for formats without frames: with the leaves of the first frame, or a growing plant at the end of the last year
+    /// that the clip shows; `None` if the plant does not change over the clip.
     /// # Errors
     /// As [`GrowthClip::plant_at_end`].
     pub(crate) fn at_one_time(&self, recipe: &PlantRecipe, limits: &Limits) -> Result<Option<Self>> {
         let mut plant = match (&self.season, &self.clip) {
             (Some(season), _) => season.first.clone(),
-            // The plant of a clip also has what falls before its end.
+            // The plant of a clip also contains wood that falls before its end: take the tree at the end of its last year,
+            // without that wood.
             (None, Some(clip)) => clip.plant_at_end(limits)?,
             // A plant that stays the same needs no copy.
             (None, None) => return Ok(None),
@@ -199,7 +200,7 @@ fn derive_string(
     set: &MaterialSet,
     context: &BakeContext<'_>,
 ) -> Result<DerivedString> {
-    let options = derive_options(recipe, individual);
+    let options = derivation_options(recipe, individual);
     turtle::derive(grammar, &options, &turtle_options(recipe, set)?, context.limits)
 }
 
@@ -214,16 +215,16 @@ pub fn derived_string_text(
 ) -> Result<DerivedString> {
     // The materials of organs do not change a string.
     let turtle = turtle_options(recipe, &MaterialSet::default())?;
-    turtle::derive_text(grammar, &derive_options(recipe, individual), &turtle, context.limits)
+    turtle::derive_text(grammar, &derivation_options(recipe, individual), &turtle, context.limits)
 }
 
-/// The number of steps that are derived, of the last of which a part may be drawn.
+/// Number of derivation steps, rounded up: a fraction draws a part of the last one.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the key ends at a million steps")]
 fn whole_steps(steps: f64) -> u32 {
     steps.ceil() as u32
 }
 
-fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOptions {
+fn derivation_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOptions {
     DeriveOptions {
         seed: individual.seed,
         plant_id: individual.id,

@@ -21,7 +21,7 @@ use osier_base::progress::Cancel;
 use osier_base::rng::{mix64, word};
 use osier_base::{Error, Result};
 use osier_import::Imported;
-use osier_plants::grow::ifs::branchlets::NAME as BRANCHLET;
+use osier_plants::grow::ifs::branchlets::NAME_PREFIX as BRANCHLET;
 use osier_plants::grow::mesh;
 use osier_plants::grow::turtle::{OrganSpec, STALK, patch_mesh, triangle_mesh};
 use osier_plants::surface::SurfaceMaterial;

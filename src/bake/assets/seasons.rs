@@ -193,8 +193,8 @@ fn leaf_habit(keys: &OrganKeys, green: [f32; 3]) -> LeafHabit {
     }
 }
 
-/// Share of a plant's growth in which the shoots of its last year grew. It is a little less, so that the ends of those of the year
-/// before are not among them.
+/// Share of a plant's growth time taken by its last year, in which its youngest shoots grew; slightly reduced, so that ends of
+/// the previous year's shoots are not included.
 fn last_year(plant: &PlantRecipe) -> f32 {
     let Growth::Species(species) = &plant.growth else { return LAST_YEAR };
     // With a fraction the last year has only begun.

@@ -17,9 +17,9 @@ pub const GROWTH_CONES: f32 = 0.012;
 /// Size of one repeat of the maps of a plant's bark and shoots.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct BarkTiles {
-    /// Width and height of those of bark, m.
+    /// Width and height of one repeat of the bark maps, m.
     pub bark: [f32; 2],
-    /// The same of those of shoots.
+    /// Width and height of one repeat of the shoot maps, m.
     pub shoot: [f32; 2],
 }
 

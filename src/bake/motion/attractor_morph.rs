@@ -17,13 +17,12 @@ use osier_ifs::game::{Extent, InstructionSet};
 use osier_ifs::morph::Morph;
 use osier_scene::{Asset, AssetFrame, PointsFrame};
 
-/// Number of points followed through the morph, and of its steps, to bound the region that the points sweep. Own: more of
-/// either gives a tighter bound and takes longer; the bound only frames cameras and extents.
+/// Number of points, and of time steps of the morph, with which the region that the points sweep is estimated. Own: more of
+/// either gives a tighter bound and takes longer; the bound is used only for cameras and extents.
 const BOUND_POINTS: u64 = 4096;
 const BOUND_STEPS: u32 = 32;
 
-/// The motion of an attractor's points through its morph: at every time all points are drawn again with the same random
-/// numbers.
+/// The motion of an attractor's points through its morph: at every time all points are drawn anew with the same random numbers.
 #[derive(Debug, Clone)]
 pub struct AttractorMorph {
     morph: Arc<Morph>,
@@ -113,8 +112,7 @@ impl AttractorMorph {
             .fold(Bounds::default(), |reach, i| reach.union(Bounds::of(sample.positions_of_words(time(i), time(i)))))
     }
 
-    /// Positions, velocities and, if they change, colours at a time; `step`: seconds between frames.
-    /// Own: a point's velocity is that of its word's image, the mean over the frame around it.
+    /// Own: the velocity of a point is that of the image of its word, as the mean over the frame around it.
     fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         let Some(rest) = asset.points.first() else { return AssetFrame::default() };
         // Central difference over one frame, of points that keep their addresses.

@@ -32,14 +32,14 @@ pub struct GrowthMotion {
     bindings: Vec<GrowthBinding>,
     /// Indices into the plant's organs, for each of the asset's leaf instancers.
     organs: Vec<Vec<usize>>,
-    /// Middles of the segments, in the order of their instancer, where the plant is shown by its segments.
+    /// Middles of the segments, in the order of their instancer, if the plant is displayed by its segments.
     segments: Vec<GrowthBinding>,
     clip: GrowthClip,
 }
 
 impl GrowthMotion {
     /// The motion of a grown plant. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether the
-    /// plant is shown by its segments.
+    /// plant is displayed by its segments.
     pub fn new(
         plant: &Plant,
         materials: &PlantMaterials,
@@ -98,7 +98,7 @@ impl GrowthMotion {
 pub(super) fn organs_by_instancer(plant: &Plant, materials: &PlantMaterials) -> Vec<Vec<usize>> {
     let mut numbers = std::collections::BTreeMap::new();
     plant.organs.iter().enumerate().for_each(|(i, o)| {
-        // Organs keep their ids when they are grouped by instancer, not their indices.
+        // When organs are grouped by instancer, they keep their ids but not their indices.
         numbers.insert(o.id, i);
     });
     let index = |o: &&osier_scene::plant::Organ| numbers.get(&o.id).copied();
@@ -151,7 +151,7 @@ impl AssetMotion for GrowthMotion {
     }
 }
 
-/// Points on the axes of a plant that grows. Those of axes that have not grown so far lie at the tip that has grown.
+/// Points on the axes of a plant that grows. Points of axes that do not exist yet lie at the tip that has grown so far.
 #[derive(Debug)]
 struct PointsOnGrowth {
     motion: Arc<GrowthMotion>,

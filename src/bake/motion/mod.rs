@@ -86,19 +86,20 @@ pub struct TableRow {
 }
 
 /// Moves one asset of a scene. Frames may be requested in any order and from several threads; motions that step from frame to
-/// frame need one step for each frame in rising order. `frame` numbers count from the first frame of the clip.
+/// frame need one step for each frame in ascending order. `frame` numbers count from the first frame of the clip.
 pub trait AssetMotion: Debug + Send + Sync {
     /// State of `asset` at a time, in asset space; parts that it leaves empty stay at rest.
     /// # Errors
     /// `Simulation` where a solver diverges, `Cancelled`.
     fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame>;
 
-    /// Whether it is growth, each frame of which is evaluated by itself: estimates look at some of its frames.
+    /// Whether the motion is growth, each frame of which is evaluated independently; an estimate evaluates only some of its
+    /// frames.
     fn is_growth(&self) -> bool {
         false
     }
 
-    /// Whether it holds the record of all years of a tree, whose memory estimates count.
+    /// Whether the motion holds the record of all years of a tree, whose memory estimates count.
     fn holds_years(&self) -> bool {
         false
     }

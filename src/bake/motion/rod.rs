@@ -27,15 +27,15 @@ use osier_scene::{
 };
 use osier_wind::{UniformWind, Wind};
 
-/// Density from which the radius of the ball that displays an attached weight follows, kg/m^3.
+/// Density of the ball that displays an attached weight, from which its radius is computed, kg/m^3.
 const WEIGHT_DENSITY: f64 = osier_base::physics::WATER_DENSITY;
 
 /// Connected rods as an asset, before it is added to the scene.
 struct RodAsset {
     asset: Asset,
-    /// One per rod and per visible weight; the asset's meshes index them as if appended to the scene's materials so far.
+    /// One material per rod and per visible weight. The asset's meshes index them as if appended to the scene's materials so far.
     materials: Vec<Material>,
-    /// `None` in a still scene.
+    /// The recorded motion; `None` in a still scene.
     motion: Option<RodMotion>,
 }
 
@@ -81,8 +81,8 @@ struct ConnectedRods<'a> {
     weights: Vec<WeightBall>,
 }
 
-/// Adds the rods of a recipe, which move in `wind` (`None`: in air at rest, which resists them), to the scene. `ground`: on
-/// which released weights come to rest; `estimating`: their motion is not simulated.
+/// Adds the rods of a recipe to the scene. `wind`: wind that moves them; `None`: air at rest, which resists them. `ground`:
+/// ground on which released weights come to rest; `estimating`: their motion is not simulated.
 /// # Errors
 /// `Simulation` for rods that diverge, `Limit`, `Cancelled`.
 pub(crate) fn add_rods(
@@ -104,7 +104,7 @@ pub(crate) fn add_rods(
     Ok(())
 }
 
-/// One asset for each rod clamped in the world with all rods attached to it. `first_material`: number of the scene's materials
+/// One asset for each rod clamped in the world with all rods attached to it. `first_material`: number of materials in the scene
 /// so far.
 fn build_rod_assets(
     recipe: &Recipe,
@@ -121,8 +121,8 @@ fn build_rod_assets(
     for root in roots {
         let mut group = ConnectedRods::new(recipe, root)?;
         group.report_stability(recipe.clip.fps(), report);
-        // `gravity = "posed"`: find a rest shape from which gravity bends the rod into its drawn shape. A rod that can turn freely
-        // has no such equilibrium, and one without solution is left weightless.
+        // `gravity = "posed"`: find a rest shape that gravity bends into the drawn shape of the rod. A rod that can turn freely
+        // has no such equilibrium; a rod without a solution is simulated without weight.
         let posed = group.members[0].keys.gravity == RodGravity::Posed && group.rods.is_anchored(0);
         if posed && !group.rods.find_rest_shape_by_equilibrium() {
             let text = format!("no shape was found from which rod \"{}\" hangs as it is drawn", group.members[0].id);
@@ -146,7 +146,7 @@ fn build_rod_assets(
 }
 
 impl<'a> ConnectedRods<'a> {
-    /// The rod `root` of the recipe and all that are attached to it, directly or to each other.
+    /// The rod `root` of the recipe and all rods that are attached to it, directly or through others.
     fn new(recipe: &'a Recipe, root: usize) -> Result<Self> {
         // A rod's base can only name a rod before it, so one pass from `root` on finds all members in order.
         let mut member_of = vec![None; recipe.rods.len()];
@@ -160,7 +160,7 @@ impl<'a> ConnectedRods<'a> {
                 members.push(rod);
             }
         }
-        // Clamps with the curves that move them. A rod in the world without a clamp is fixed at its base.
+        // Find the clamps, with the curves that move them. A rod in the world without a clamp is fixed at its base.
         let mut clamps = Vec::new();
         let mut actuations = Vec::new();
         for (k, rod) in members.iter().enumerate() {
@@ -223,8 +223,8 @@ impl<'a> ConnectedRods<'a> {
         self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
     }
 
-    /// Gives the rods their initial velocities; to be called after the search for a rest shape, which leaves them at rest. A
-    /// launch velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
+    /// Sets the initial velocities of the rods; must follow the search for a rest shape, which leaves them at rest. A launch
+    /// velocity is that of the tip; it decreases linearly to zero at the base, as for a rod that turns about its base.
     fn launch(&mut self) {
         for (k, rod) in self.members.iter().enumerate() {
             let (tip, length) = (DVec3::from_array(rod.keys.launch), self.descriptions[k].spline_length());
@@ -248,7 +248,7 @@ impl<'a> ConnectedRods<'a> {
         }
         for (k, rod) in self.members.iter().enumerate() {
             let lost = self.rods.torsional_softening_ratio(k);
-            // A rod that nothing twists needs no warning.
+            // A rod without torsion needs no warning.
             let turns =
                 |l: &RodLoadKeys| l.kind == RodLoadKind::Wrench && l.keyframes.iter().any(|k| k[4..] != [0.0; 3]);
             let twisted = rod.keys.torsional_stiffness.is_some() || rod.loads.iter().any(turns);
@@ -465,7 +465,7 @@ mod tests {
         let (drawn, least) = (chord(&poses[0]), poses.iter().map(|p| chord(p)).fold(f32::MAX, f32::min));
         assert!(least < 0.95 * drawn, "it bends: {least} of {drawn}");
         assert!(poses.iter().all(|p| (p[1].t - poses[0][1].t).length() < 1e-3), "its foot stays");
-        // The weight rides on its end until it is let go, after 0.98 s, and then falls.
+        // The weight follows the end of its rod until its release after 0.98 s, and then falls.
         let apart = |p: &[Trs]| (p[18].t - p[17].t).length();
         assert!(poses[..47].iter().all(|p| apart(p) < 1e-3) && apart(&poses[60]) > 0.2);
         let top = poses.iter().map(|p| p[18].t.y).fold(0.0, f32::max);

@@ -29,7 +29,7 @@ use osier_scene::{
     MeshObject, Skeleton, SkinWeights, Trs,
 };
 
-/// Radius of petioles whose organ has no such parameter, m. Own: of a birch's or poplar's petiole.
+/// Radius of petioles whose organ has no such parameter, m. Own: that of a petiole of birch or poplar.
 const DEFAULT_PETIOLE_RADIUS: f64 = 8e-4;
 const PETIOLE_TUBE: TubeResolution = TubeResolution { sides: 6, rings: 2 };
 
@@ -58,8 +58,8 @@ impl RodPlantAsset {
     }
 }
 
-/// A vertex bound to two sections by linear blend skinning. A section of `None` is the fixed root; `share`: weight of the
-/// second, 0..1.
+/// A vertex bound to two sections by linear blend skinning. A section `None` is the fixed root; `share`: weight of the second
+/// section, 0..1.
 #[derive(Debug, Clone, Copy)]
 struct VertexBinding {
     sections: [Option<usize>; 2],
@@ -73,17 +73,18 @@ pub struct RodBinding {
     transform: Trs,
     /// Sections with a joint. Joint 0 is the fixed root; section `jointed[i]` has joint i + 1.
     jointed: Vec<usize>,
-    /// The joint that each section follows: its joint, or for a section without one that of a section nearer to the trunk.
+    /// The joint that each section follows: its own joint, or, for a section without a joint, that of a section nearer to the
+    /// trunk.
     joints: Vec<u16>,
     /// Position, m, and rotation of each section at rest, in asset space.
     rest: Vec<(Vec3, Quat)>,
-    /// Bindings of each mesh's vertices; empty for a mesh that joints move by skinning.
+    /// Bindings of each mesh's vertices; empty for a mesh that is skinned to joints.
     bound: Vec<Vec<VertexBinding>>,
     /// Leaves of each instancer as indices into the plant's organs, in the order of instances.
     groups: Vec<Vec<usize>>,
 }
 
-/// Frame rate of a clip and number of its first frame, by which the rods name the frame of an error.
+/// Frame rate of a clip and number of its first frame, with which the rods report the frame of an error.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameClock {
     /// Frame rate of the clip, 1/s.
@@ -109,7 +110,8 @@ pub fn build_rod_plant_at_rest(
     let defaults = RodPlantKeys::defaults();
     let keys = recipe.rods.as_ref().unwrap_or(&defaults);
     let plant = &grown.plant;
-    // Rods: one for each stem, from where it is thin enough to bend, and one for each petiole, as many as the limits allow.
+    // Make the rods: one for each stem, beginning where it is thin enough to bend, and one for each petiole, as many as the
+    // limits allow.
     let params = rod_plant_params(plant, recipe, materials, keys, gravity);
     let rods =
         RodPlant::new(plant, &transform, &params, &individual.asset).with_frame_numbering(clock.fps, clock.first);
@@ -121,7 +123,7 @@ pub fn build_rod_plant_at_rest(
     };
     // The binding stores the leaves of each instancer as indices into the plant's organs.
     let groups = group_organs(plant, materials);
-    // Groups hold references without indices: ids lead back to the plant's list, which the rods index.
+    // Groups contain references to organs, not indices: the ids give the indices in the plant's list, which the rods use.
     let organ_indices: std::collections::BTreeMap<u64, usize> =
         plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
     let organ_index = |o: &&Organ| organ_indices.get(&o.id).copied().unwrap_or(0);
@@ -201,7 +203,7 @@ fn rod_plant_params(
     }
 }
 
-/// Diagnostic S042 if no rest shape was found that gravity bends into the grown one, S043 for stems and leaves beyond the
+/// Diagnostic S042 if no rest shape was found that gravity bends into the grown shape, S043 for stems and leaves beyond the
 /// limits of sections.
 fn rod_plant_diagnostics(rods: &RodPlant, name: &str, keys: &RodPlantKeys) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
@@ -348,18 +350,18 @@ impl RodBinding {
         BoundPoints(points.iter().map(bound).collect())
     }
 
-    /// Joint indices and weights for each vertex, the larger weight first; at most two joints per vertex.
+    /// Joint indices and weights of each vertex, the larger weight first; at most two joints per vertex.
     fn skin_weights(&self, bound: &[VertexBinding]) -> SkinWeights {
         let mut skin = SkinWeights::default();
         for b in bound {
             let [first, second] = b.sections.map(|s| s.map_or(0, |s| self.joints[s]));
-            // Some readers keep the first influences only.
+            // Some readers use only the first influences.
             let (major, minor) = if b.share > 0.5 {
                 ((second, b.share), (first, 1.0 - b.share))
             } else {
                 ((first, 1.0 - b.share), (second, b.share))
             };
-            // Sections that share a joint add up to one influence.
+            // Two sections that share a joint are one influence.
             if first == second || minor.1 <= 0.0 {
                 skin.joints.push([major.0, 0, 0, 0]);
                 skin.weights.push([1.0, 0.0, 0.0, 0.0]);
@@ -510,7 +512,7 @@ impl RodPlantMotion {
         Self { start, binding, fps, steps_per_frame, spin_up_steps, state: Mutex::new(None) }
     }
 
-    /// Steps the rods to the `number`-th frame of the clip, from the start if they are beyond it, and passes them to `read`.
+    /// Steps the rods to the `number`-th frame of the clip, from the start if they have passed it, and passes them to `read`.
     /// # Errors
     /// `Simulation` for rods that diverge.
     fn evaluate<R>(&self, number: u64, read: impl FnOnce(&RodPlant) -> R) -> Result<R> {

@@ -31,7 +31,7 @@ pub struct SwayMotion {
     pub rig: JointRig,
     elements: BeamElements,
     track: BendTrack,
-    /// Binding of nodes to elements and, where frames carry points, of the bark's points.
+    /// Binding of nodes to elements and, if frames carry points, of the bark's points.
     body: PointBinding,
     /// Whether frames carry points (`motion = "cache"`).
     cached: bool,
@@ -50,7 +50,7 @@ struct LeafMotion {
     twigs: Vec<TwigLocation>,
 }
 
-/// A place on a twig, as its leaf feels it.
+/// A position on a twig, with the quantities that determine the flutter of its leaf.
 #[derive(Debug, Clone, Copy)]
 struct TwigLocation {
     location: BoundLocation,
@@ -75,7 +75,8 @@ pub struct FlutterGroup<'a> {
 impl<'a> FlutterGroup<'a> {
     /// The group of an organ of the recipe, with the key `flutter` of that organ. `organ`: index into the recipe's organs.
     pub fn from_recipe(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
-        // Instanced branchlets, which follow the organs of an IFS tree, and the buds of a season are rigid with their branch.
+        // Prototypes beyond the recipe's organs are the instanced branchlets of an IFS tree or the buds of a season, which are
+        // rigid with their branch.
         let rigid = matches!(recipe.growth, Growth::Ifs(..)) || recipe.keys.season.is_some();
         let other = if rigid { 0.0 } else { 1.0 };
         let flutter = recipe.organs.get(organ).map_or(other, |o| narrow(o.keys.flutter));
@@ -109,10 +110,10 @@ pub struct RainedSway {
     pub instances: Vec<InstanceState>,
 }
 
-/// The bends of all elements around one frame.
+/// The bends of all elements at and around one frame.
 struct SwaySample {
-    /// Half a frame before, at the frame, and half a frame after it; at the ends of a clip that does not loop there is nothing
-    /// beyond.
+    /// Half a frame before the frame, at it, and half a frame after it; at the ends of a clip that does not loop, the bends
+    /// beyond the clip are those of its end.
     bends: [Vec<[f32; 2]>; 3],
     /// Rotation of each element's base half a frame before and after.
     base_rotations: [Vec<Quat>; 2],
@@ -138,8 +139,8 @@ impl SwayMotion {
         let max_joints = if keys.motion == BarkMotion::Game { MAX_GAME_JOINTS } else { u32::MAX };
         let joints =
             JointBudget { joints: to_usize(keys.max_joints.min(max_joints)), coarse: keys.motion == BarkMotion::Game };
-        // All branches are simulated, even those without joints: a limb sways by the wind on its twigs, and leaves follow twigs
-        // that have no joints.
+        // All branches are simulated, including those without joints: a limb sways by the wind on its twigs, and leaves follow
+        // twigs that have no joints.
         let elements = BeamElements::build(plant, &params.wood, to_usize(keys.max_branches));
         // An estimate checks the limit for the whole clip, but records one frame.
         check_key_limit(&elements, wind.clip, limits)?;
@@ -155,8 +156,8 @@ impl SwayMotion {
             }
             None => BendTrack::record(&elements, &*wind.wind, params, clip, limits, cancel)?,
         };
-        // Leaves flutter at the rate of the mean wind at their mean height. Flutter repeats with the clip also in a wind that
-        // never changes, which has no period of its own.
+        // The rate of flutter follows from the mean wind at the mean height of the leaves. Flutter repeats with the clip even in
+        // a steady wind, which has no period.
         let period = wind.clip.repeats.then(|| wind.clip.frames as f64 / params.fps);
         let leaf_motion = |l: &FlutterGroup<'_>| {
             let mean_height =
@@ -184,7 +185,7 @@ impl SwayMotion {
         })
     }
 
-    /// Number of angles that the paper's equations would have taken beyond 90 degrees, over all frames.
+    /// Number of angles, over all frames, that were limited because the paper's equations would have exceeded 90 degrees.
     pub fn clamp_count(&self) -> u64 {
         self.track.clamped()
     }
@@ -228,7 +229,7 @@ impl SwayMotion {
     /// Frame of the asset at a time of the clip, with the bends and leaf states that `rained` gives.
     pub fn frame_in_rain(&self, asset: &Asset, time: FrameTime, rained: RainedSway) -> AssetFrame {
         let mut sample = self.sample(time);
-        // The bends of drops are added to all three times alike: velocities of bark are those in the wind.
+        // Drops add the same angles to the bends at all three times, so that velocities of the bark are those in the wind.
         for (bend, added) in sample.bends.iter_mut().flat_map(|bends| bends.iter_mut().zip(&rained.drop_bends)) {
             *bend = [bend[0] + added[0], bend[1] + added[1]];
         }

@@ -1,4 +1,4 @@
-//! A tree over the years of a clip: wood that lengthens, thickens, bends and falls, leaves that come and go.
+//! A tree over the years of a clip: wood that grows, thickens, bends and falls, leaves that unfold and fall.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -15,8 +15,8 @@ use osier_plants::grow::years::{GrowthClip, PoseNow};
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, MeshFrame};
 
-/// Instancers that the leaves of an organ are shared out among, and the fewest leaves of one. Own: a part of the leaves that is not there
-/// yet takes no samples; more instancers save little and fill lists of objects.
+/// Number of instancers among which the leaves of an organ are divided, and the least number of leaves of one. Own: an instancer
+/// whose leaves do not exist yet takes no samples; more instancers save little and fill lists of objects.
 const LEAF_PARTS: usize = 8;
 const LEAST_LEAVES: usize = 500;
 
@@ -28,7 +28,7 @@ pub struct YearsMotion {
     bindings: Vec<GrowthBinding>,
     /// Indices into the plant's organs, for each of the asset's leaf instancers.
     organs: Vec<Vec<usize>>,
-    /// Middles of the segments of a tree that is shown by these, in the order of their instancer.
+    /// Middles of the segments of a tree that is displayed by them, in the order of their instancer.
     segments: Vec<GrowthBinding>,
     /// Length of the clip, s.
     seconds: f64,
@@ -38,7 +38,7 @@ impl YearsMotion {
     /// Gives an asset the motions that its growth needs, and divides its leaves by the time of their appearance.
     pub fn prepare(asset: &mut Asset, materials: &PlantMaterials, clip: &GrowthClip) {
         GrowthMotion::prepare(asset);
-        // Behind the instancers of organs there may be one of segments.
+        // An instancer of segments may follow the instancers of organs.
         let organs = organs_by_instancer(&clip.plant, materials).len().min(asset.instancers.len());
         let segments = asset.instancers.split_off(organs);
         let divided = |leaves: &Instancer| -> Vec<Instancer> {
@@ -168,7 +168,8 @@ impl AssetMotion for YearsMotion {
     }
 }
 
-/// Points on the axes of a tree that grows through its years. Those of wood that is not there yet lie at the tip that has grown.
+/// Points on the axes of a tree that grows through its years. Points of wood that does not exist yet lie at the tip that has
+/// grown so far.
 #[derive(Debug)]
 struct PointsOnYears {
     motion: Arc<YearsMotion>,

@@ -69,7 +69,7 @@ impl SceneBuilder {
     pub(crate) fn make_image_names_unique(&mut self) -> Result<()> {
         let mut names = Names::default();
         let mut kept: Vec<Image> = Vec::new();
-        // By the names that images had before, the indices in `kept`, and for each image its index there.
+        // `kept_by_name`: for each original image name, indices into `kept`; `new_indices`: for each image, its index in `kept`.
         let mut kept_by_name: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         let mut new_indices = Vec::with_capacity(self.images.len());
         for mut image in std::mem::take(&mut self.images) {

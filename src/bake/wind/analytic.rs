@@ -10,7 +10,7 @@ use osier_base::rng;
 use osier_scene::solid::LandForm;
 use osier_wind::{GustWind, GustWindOptions, SineWind, SineWindOptions, UniformWind, Wind, WindOverLand};
 
-/// Horizontal unit vector that a wind blows towards; directions of the keys count from +X towards -Z.
+/// Horizontal unit vector towards which a wind blows; directions of the keys count from +X towards -Z.
 pub(super) fn blowing_direction(keys: &WindKeys) -> Vec3 {
     Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)))
 }

@@ -1,4 +1,4 @@
-//! The lattice Boltzmann wind of a recipe: options, plan of its run, steps from frame to frame, prediction of memory, checks.
+//! The lattice Boltzmann wind of a recipe: options, plan of its run, steps from frame to frame, memory estimate, checks.
 
 use std::sync::Arc;
 
@@ -23,17 +23,17 @@ use osier_wind::{
     RecordingOptions, Wind, WindSnapshot,
 };
 
-/// Solids around which a recipe's lattice wind flows, the land included if it reaches the centre of a cell; empty for every other
-/// wind.
+/// Solids around which a recipe's lattice wind flows, including the land if it reaches the centre of a cell; empty for every
+/// other wind.
 pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
     if !reads_lattice_wind(recipe) {
         return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
-    // The land is sampled over a square around the origin that holds the domain.
+    // Sample the land over a square around the origin that contains the domain.
     let side = 2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
-    // Lower land, such as the waves of a ground, is the bottom of the box with its wall stress: bounce-back at the links that it
-    // cuts would slow the wind as smooth ground does.
+    // Lower land, such as the waves of a ground, is represented by the bottom of the box with its wall stress: bounce-back at the
+    // links that it cuts would slow the wind like smooth ground.
     let options = recipe.lattice_options();
     let is_met = |solid: &&Solid| match &solid.form {
         Form::Land(land) => reaches_a_center(land, &options),
@@ -42,21 +42,22 @@ pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> 
     obstacles.solids_within(narrow(side)).list().iter().filter(is_met).cloned().collect()
 }
 
-/// Whether a land reaches the centre of a cell of a lattice's box; how high it is elsewhere does not matter.
+/// Whether a land reaches the centre of a cell of a lattice's box; its height elsewhere has no effect.
 fn reaches_a_center(land: &LandForm, options: &LatticeOptions) -> bool {
     let (base, spacing) = (options.base_center, options.spacing);
     let lowest_centers = base.y + spacing / 2.0;
-    // Coordinates of the centres along a horizontal axis, in whose middle the box has its base.
+    // Coordinates of the centres along a horizontal axis; the base of the box is in its middle.
     let centers =
         |n: u32, middle: f64| (0..n).map(move |i| narrow(middle + (f64::from(i) + 0.5 - f64::from(n) / 2.0) * spacing));
-    // The highest point decides for most lands, without a look at the columns of cells.
+    // For most lands the highest point is sufficient for the decision, without a test of the columns of cells.
     f64::from(land.height_range()[1]) > lowest_centers
         && centers(options.cells[0], base.x).any(|x| {
             centers(options.cells[2], base.z).any(|z| f64::from(land.height(Vec2::new(x, z))) > lowest_centers)
         })
 }
 
-/// The analytic replacement of a lattice wind: profile and gusts of its inlet in the whole domain, unaffected by solids.
+/// The analytic replacement of a lattice wind: profile and gusts of its inlet in the whole domain, without the influence of
+/// solids.
 pub fn analytic_inlet(recipe: &Recipe, land: Option<Arc<LandForm>>) -> InletWind {
     let options = recipe.lattice_options();
     let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
@@ -64,7 +65,7 @@ pub fn analytic_inlet(recipe: &Recipe, land: Option<Arc<LandForm>>) -> InletWind
     InletWind::new(options.inlet, origin, options.spacing, options.cells, [false; 3]).over_land(land)
 }
 
-/// Which part of a lattice wind is recorded ahead of the frames, and which is stepped along with them.
+/// The part of a lattice wind that is recorded ahead of the frames, and the part that is stepped along with them.
 #[derive(Debug, Clone)]
 pub struct LatticePlan {
     /// Options of the solver, common to recording and steps.
@@ -91,7 +92,7 @@ impl LatticePlan {
         }
         let (fps, loop_frames) = (recipe.clip.fps(), recipe.sway.loop_frames(&recipe.clip));
         let frames = loop_frames.unwrap_or(recipe.clip.len());
-        // The subtrahend keeps rounding errors from adding a frame to a spin-up of whole frames.
+        // Subtract a small number, so that rounding errors do not add a frame to a spin-up of whole frames.
         let in_frames = |seconds: f64| (seconds * fps - 1e-6).ceil().max(0.0) as u32;
         let (region_lead, box_lead) = (in_frames(needs.region_lead), in_frames(needs.box_lead));
         let reads_box = needs.box_ahead || needs.box_by_frame;
@@ -106,8 +107,8 @@ impl LatticePlan {
         let solver_bytes = LatticeMemory::estimate(&options).total();
         // The recording may take half of the memory that the solver leaves; the rest of the bake needs memory too.
         let budget = limits.get("wind-bytes").min(limits.get("memory").saturating_sub(solver_bytes) / 2);
-        // In this order: the whole box read ahead; nothing read ahead, so that stepping is enough; a region read ahead and
-        // nothing frame by frame; both, with one recording if it fits; both, by two runs.
+        // The cases in order: the whole box read ahead; nothing read ahead, so that stepping is sufficient; a region read ahead
+        // and nothing frame by frame; both, with one recording if it fits; both, by two runs.
         let (recorded, stepped) = if repeats || needs.box_ahead {
             (Some(if reads_box { whole } else { region }), false)
         } else if needs.region.is_empty() {
@@ -132,7 +133,7 @@ impl LatticePlan {
     fn check_limits(&self, limits: &Limits) -> Result<()> {
         let (bytes, limit) = (self.recorded_bytes(), limits.get("wind-bytes"));
         if bytes > limit {
-            // A loop of the whole box is large; without it catkins read a lattice that is stepped along.
+            // A loop of the whole box is large; without a loop, catkins can read a lattice that is stepped along with the frames.
             let loops = self.recorded.is_some_and(|recorded| recorded.repeats);
             let help = if loops { "set sway.repeat = false or a shorter sway.loop" } else { "" };
             return Err(Error::Limit {
@@ -143,7 +144,7 @@ impl LatticePlan {
                 help: help.into(),
             });
         }
-        // Without a recording the solver itself refuses what does not fit.
+        // Without a recording the solver itself reports that it does not fit.
         if bytes == 0 {
             return Ok(());
         }
@@ -152,7 +153,7 @@ impl LatticePlan {
     }
 }
 
-/// Warning S034 if land within the box of a lattice lies more than a cell below its base, under which there is no air.
+/// Warning S034 if land within the box of a lattice lies more than a cell below its base, below which there is no air.
 pub fn report_land_below_lattice(recipe: &Recipe, land: &LandForm, report: &mut Report) {
     let options = recipe.lattice_options();
     let [x, _, z] = options.cells.map(|n| f64::from(n) * options.spacing);
@@ -162,7 +163,7 @@ pub fn report_land_below_lattice(recipe: &Recipe, land: &LandForm, report: &mut 
         along(z, options.cells[2], base.z).map(move |z| f64::from(land.height(Vec2::new(narrow(x), narrow(z)))))
     });
     let lowest = heights.fold(f64::INFINITY, f64::min);
-    // The staircase of cells loses a part of a cell in any case.
+    // The staircase approximation by cells may lose a part of a cell in any case.
     if lowest < base.y - spacing {
         let text = format!(
             "the ground goes down to {lowest:.1} m in the box of the lattice wind, whose base is at {:.1} m: there is no wind below",
@@ -174,7 +175,7 @@ pub fn report_land_below_lattice(recipe: &Recipe, land: &LandForm, report: &mut 
     }
 }
 
-/// Options, solids and context of a lattice, kept to build it again when an earlier frame is requested.
+/// Options, solids and context of a lattice, kept for rebuilding it when an earlier frame is requested.
 #[derive(Debug)]
 pub struct LatticeConfig {
     options: LatticeOptions,
@@ -196,7 +197,7 @@ impl LatticeConfig {
         let context = BakeContext { limits: &self.limits, cancel: &self.cancel, progress, cache: self.cache.as_ref() };
         let mut solver = wind_spin_up::load_or_spin_up(&self.options, &self.solids, &context)?;
         let before = SteppedSnapshot::advance(&mut solver, progress, &self.cancel)?;
-        // Velocities between two frames are interpolated, so that two snapshots are always held.
+        // Velocities between two frames are interpolated, which requires two snapshots.
         let after = SteppedSnapshot::advance(&mut solver, progress, &self.cancel)?;
         Ok(LatticeState { solver, before, after, frame: -i64::from(self.options.lead_frames) })
     }
@@ -234,7 +235,7 @@ impl SteppedSnapshot {
 impl SteppedLattice {
     /// Builds a lattice, spins it up or loads its spun-up state, and takes its first two snapshots.
     /// # Errors
-    /// Those of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
+    /// Errors of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
     pub fn start(config: LatticeConfig, progress: &dyn Progress) -> Result<Self> {
         let state = config.start(progress)?;
         Ok(Self { config, state })
@@ -245,10 +246,10 @@ impl SteppedLattice {
         &self.state.solver
     }
 
-    /// The wind between a frame and the next; frames count from the clip's first. An earlier frame than that of the last call starts
-    /// the lattice again.
+    /// The wind between a frame and the next; frames count from the clip's first. An earlier frame than that of the last call
+    /// restarts the lattice.
     /// # Errors
-    /// Those of [`LatticeSolver::advance`].
+    /// Errors of [`LatticeSolver::advance`].
     pub fn wind_until_next_frame(&mut self, frame: i64) -> Result<Arc<dyn Wind>> {
         let (config, frame) = (&self.config, frame.max(-i64::from(self.config.options.lead_frames)));
         // A lattice cannot be stepped backwards: run again from the spin-up, which the cache may hold.
@@ -286,14 +287,14 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     ]
 }
 
-/// Size of a solid in cells of the lattice, by which a user judges how well it is resolved.
+/// Size of a solid in cells of the lattice, which shows the user how well it is resolved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolidSizeInCells {
     /// Name of the solid, as in its key `name`.
     pub name: String,
     /// Height above its foot, cells.
     pub height: f64,
-    /// Smaller horizontal extent before rotation, cells; none for meshes.
+    /// Smaller horizontal extent before rotation, cells; `None` for meshes.
     pub thickness: Option<f64>,
 }
 
@@ -315,12 +316,12 @@ pub fn solids_in_cells(recipe: &Recipe) -> Vec<SolidSizeInCells> {
     recipe.solids.iter().map(of_solid).collect()
 }
 
-/// Memory of a lattice, bytes, up to which a check voxelizes its solids; of larger ones it checks the options only.
+/// Memory of a lattice, bytes, up to which a check voxelizes its solids; for larger lattices it checks only the options.
 const MAX_CHECKED_BYTES: u64 = 200_000_000;
 
 /// Reports the warnings of a recipe's lattice without running it; those of its solids only up to `MAX_CHECKED_BYTES`.
 /// # Errors
-/// Those of [`LatticeSolver::new`].
+/// Errors of [`LatticeSolver::new`].
 pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_>, report: &mut Report) -> Result<()> {
     if lattice_memory(recipe).is_empty() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Regions and times at which the parts of a scene read its wind, from which the lattice's run is planned.
+//! Regions and times at which the parts of a scene read its wind; they determine the plan of the lattice's run.
 
 use glam::Vec3;
 
@@ -13,14 +13,14 @@ use osier_motion::sway::SPIN_UP_SECONDS;
 
 /// Margin for leaves around a plant's nodes, m. Own: longer than leaf and petiole of the presets.
 const LEAF_MARGIN: f32 = 0.5;
-/// Share of its height by which a plant may lean out of its bounds at rest. Own: crowns of the presets lean by a twentieth at
-/// 10 m/s; leaves farther out read the wind at the border of the recording.
+/// Distance, as a share of its height, by which a plant may lean out of its bounds at rest. Own: crowns of the presets lean by a
+/// twentieth at 10 m/s; leaves farther out read the wind at the border of the recording.
 const LEAN_MARGIN: f32 = 0.2;
 
 /// Regions and times at which the wind of a scene is read.
 #[derive(Debug, Clone, Copy)]
 pub struct WindNeeds {
-    /// World bounds of plants and rods, m, whose wind is read ahead of the frames or at any of them; empty for none.
+    /// World bounds, m, of plants and rods whose wind is read ahead of the frames or at any of them; empty if there are none.
     pub region: Bounds,
     /// Whether rain, which is simulated ahead of the frames, reads the whole box.
     pub box_ahead: bool,
@@ -33,7 +33,7 @@ pub struct WindNeeds {
 }
 
 impl WindNeeds {
-    /// Needs of everything that the recipe moves, simulates or writes. In a still scene only a flight reads the wind.
+    /// Needs of all parts that the recipe moves, simulates or writes. In a still scene only a flight reads the wind.
     pub fn of_scene(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Self {
         let is_clip = recipe.clip.len() >= 2;
         let plants = if is_clip { moving_plant_bounds(recipe, layout, grown) } else { Bounds::of([]) };
@@ -57,20 +57,20 @@ impl WindNeeds {
         }
     }
 
-    /// Whether neither plants, rods, rain and flight nor a written file read the wind.
+    /// Whether no plant, rod, rain, flight or written file reads the wind.
     pub fn is_empty(&self) -> bool {
         self.region.is_empty() && !self.box_ahead && !self.box_by_frame
     }
 }
 
 /// World bounds, m, of the first copies of all moving plants, extended by margins for leaves and for leaning. Other copies use
-/// the wind at the first.
+/// the wind at the first copy.
 fn moving_plant_bounds(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Bounds {
     let transforms = layout.first_transforms();
     let plants = layout.individuals.iter().zip(grown).zip(&transforms);
     let corners = plants.filter_map(|((individual, grown), transform)| {
         let plant = recipe.plants.get(individual.plant)?;
-        // A plant that grows, or whose leaves change, over the clip follows no wind.
+        // The wind does not move a plant that grows, or whose leaves change, over the clip.
         let changes = plant.keys.growth_clip.is_some() || grown.clip.is_some() || grown.season.is_some();
         if changes || matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static) {
             return None;

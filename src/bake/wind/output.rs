@@ -38,11 +38,11 @@ struct WindVolumePoints {
     indices: Vec<usize>,
 }
 
-/// Samples of the wind at one frame, for the grids and the volume that the scene writes.
+/// Samples of the wind at one frame for the grids and the volume that the scene writes.
 #[derive(Debug, Default)]
 pub struct SampledWind {
-    /// Velocities, m/s, at the points of each grid of the scene; empty for a grid that is not written in this frame. The list
-    /// is empty if nothing is written in it.
+    /// Velocities, m/s, at the points of each grid of the scene; empty for a grid that is not written in this frame. The list is
+    /// empty if no grid is written in this frame.
     pub air: Vec<Vec<Vec3>>,
     /// The volume of the velocity, if the scene has one; without values in a frame in which it is not written.
     pub volume: Option<VolumeFrame>,
@@ -68,13 +68,13 @@ impl WindGridSampler {
             context.limits.check("image-side", longest, "texels along a side of a plane of output.wind")?;
         }
         velocity_grid(recipe, obstacles).map_or(Ok(()), |grid| check_dense_grid(&grid, recipe.clip.start))?;
-        // Two frames are in memory at once: the one being written, and the next.
+        // Two frames are in memory at once: the one that is written, and the next.
         let cells = grids.iter().chain(&volume).map(AirGrid::count).fold(0, u64::saturating_add);
         let bytes = cells.saturating_mul(2 * BYTES_PER_VELOCITY);
         context.limits.check("wind-bytes", bytes, "the bytes of output.wind and output.vdb in two frames")?;
         let points = grids.iter().map(AirGrid::places).collect();
         let volume = volume.map(|domain| {
-            // Cells inside of solids hold no air. The land is sampled over a square around the origin that holds the domain.
+            // Cells inside of solids contain no air. Sample the land over a square around the origin that contains the domain.
             let size = DVec3::from_array(domain.cells.map(|n| n as f64)) * domain.side;
             let reach = domain.corner.abs().max((domain.corner + size).abs());
             let solids = obstacles.solids_within(narrow(2.0 * reach.x.max(reach.z)));
@@ -87,7 +87,7 @@ impl WindGridSampler {
 
     /// Samples the wind at the points of the grids and of the volume that are due at frame `number`.
     /// # Errors
-    /// Those of a lattice.
+    /// Errors of a lattice.
     pub fn sample_frame(&self, scene: &Scene, number: u32) -> Result<SampledWind> {
         let since = number.saturating_sub(scene.clip.start);
         let volume = self.volume.as_ref().zip(scene.volumes.first());
@@ -98,7 +98,7 @@ impl WindGridSampler {
             return Ok(SampledWind { air: Vec::new(), volume: nothing });
         }
         let t = scene.clip.seconds(number);
-        // The interval that ends at this frame: a lattice that a flight steps has computed it already.
+        // Use the interval that ends at this frame, which a lattice stepped by a flight has already computed.
         let wind = self.wind.wind_until_next_frame(WindUser::Output, i64::from(since) - 1)?;
         let sample = |(grid, points): (&AirGrid, &Vec<Vec3>)| {
             if grid.is_due(since) { sample_velocities(&*wind, points, t) } else { Vec::new() }
@@ -120,14 +120,14 @@ impl WindVolumePoints {
     }
 }
 
-/// Height of the base of a flight's box, m, on which the files of its wind stand, too; 0 without a flight, and for a lattice, whose
-/// grids have its base.
+/// Height, m, of the base of a flight's box, which is also the base of the grids of its wind; 0 without a flight, and for a
+/// lattice, whose grids have the base of the lattice.
 fn flight_base(recipe: &Recipe, obstacles: &Obstacles<'_>) -> f64 {
     let flight = recipe.flight.as_ref().filter(|_| recipe.wind.model != WindModel::Lattice);
     flight.map_or(0.0, |flight| f64::from(flight_domain(recipe, flight.keys.size, obstacles).min.y))
 }
 
-/// The grids of `[output.wind]` where the scene has them: in the box of a flight, which stands on the land under it.
+/// The grids of `[output.wind]` at their positions in the scene: in the box of a flight, whose base is the land.
 pub fn placed_grids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<AirGrid> {
     let base = flight_base(recipe, obstacles);
     let mut grids = recipe.output.wind.grids.clone();
@@ -136,7 +136,7 @@ pub fn placed_grids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<AirGrid> 
     grids
 }
 
-/// Cells of the voxel grid of the wind; `None` if it is not written, or without wind.
+/// Cells of the voxel grid of the wind; `None` if it is not written, or if there is no wind.
 fn velocity_domain(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Option<AirGrid> {
     let mut domain = recipe.output.velocity_volume().filter(|_| recipe.blows())?.clone();
     domain.corner.y += flight_base(recipe, obstacles);

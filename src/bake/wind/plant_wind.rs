@@ -1,4 +1,4 @@
-//! The wind as plants see it: the fields that they sample and the parameters of their sway.
+//! The wind for plants: the fields that they sample and the parameters of their sway.
 
 use std::sync::Arc;
 
@@ -16,9 +16,9 @@ use osier_wind::{CALM_SPEED, UniformWind, Wind};
 /// The wind fields of a scene's plants, with the settings of `[sway]`.
 #[derive(Debug, Clone)]
 pub struct PlantWind {
-    /// The scene's wind, observed as that of branches of the sway model and their leaves.
+    /// The scene's wind, reported to observers as that of branches of the sway model and their leaves.
     pub wind: Arc<dyn Wind>,
-    /// The scene's wind, observed as that of plants on rods.
+    /// The scene's wind, reported to observers as that of plants on rods.
     pub rod_wind: Arc<dyn Wind>,
     /// Frames to record, and whether they loop or start from rest.
     pub clip: ClipOptions,
@@ -44,7 +44,7 @@ pub struct PlantWind {
 
 impl PlantWind {
     /// The wind of a scene with the settings of its plants' sway; `None` in a still scene, and in calm air unless it rains,
-    /// since drops move plants without wind.
+    /// because drops move plants without wind.
     pub fn new(recipe: &Recipe, scene: &SceneWind) -> Option<Self> {
         let sway = &recipe.sway;
         if recipe.clip.len() < 2 || !(recipe.blows() || recipe.rain.is_some()) {
@@ -90,8 +90,8 @@ impl PlantWind {
         Self { estimate_only: true, ..self }
     }
 
-    /// Frames by which a copy at `copy` is ahead of the copy at `first`, whose motion it shows: gusts reach a copy downwind later by
-    /// d.u / |u|^2. Quantised to `sway.phases` values per loop, so that copies share states. Positions in m.
+    /// Number of frames by which a copy at `copy` leads the copy at `first`, whose motion it shows: gusts reach a copy downwind
+    /// later by d.u / |u|^2. Quantised to `sway.phases` values per loop, so that copies share states. Positions in m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the number of frames")]
     pub fn phase_offset(&self, first: Vec3, copy: Vec3) -> u32 {
         let frames = self.clip.frames as f64;
@@ -113,8 +113,8 @@ impl PlantWind {
     /// Parameters of the sway of a plant. `stand`: world transform of its first copy.
     pub fn sway_params(&self, keys: &WoodKeys, stand: Trs) -> SwayParams {
         let wood = WoodParams { measured: self.measured, second_modes: self.second_modes, ..wood_params(keys) };
-        // Of similar trees the one of twice the size swings half as fast; its static bends are the same. A frequency of the trunk
-        // that the scene gives stays.
+        // Of two similar trees, the one of twice the size sways at half the frequency; its static bends are the same. A trunk
+        // frequency given in the scene is not scaled.
         let scale = f64::from(stand.s.x);
         let trunk_hertz = wood.trunk_hertz.map(|hertz| hertz * scale);
         let wood = WoodParams { hertz: wood.hertz / scale, trunk_hertz, ..wood };
@@ -123,7 +123,7 @@ impl PlantWind {
 }
 
 /// Velocity, m/s, at which the gusts of a scene's `wind` travel: that of the strongest of its winds that vary. `scale` multiplies
-/// velocities of the air, but not this one, and a steady wind beneath the gusts does not carry them either.
+/// velocities of the air, but not this velocity; a steady wind that is added to the gusts does not carry them either.
 fn gust_velocity(recipe: &Recipe, wind: &dyn Wind) -> Vec3 {
     let winds: Vec<&WindKeys> = [&recipe.wind].into_iter().chain(&recipe.added).filter(|keys| keys.blows()).collect();
     let varying = winds.iter().filter(|keys| keys.model != WindModel::Uniform);

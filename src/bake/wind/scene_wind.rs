@@ -23,7 +23,8 @@ use osier_base::math::narrow;
 use osier_scene::solid::{LandForm, Solid};
 use osier_wind::{LatticeStats, LoopedWind, RecordedWind, ScaledWind, UniformWind, Wind, WindSum};
 
-/// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down to the surface.
+/// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down towards the
+/// surface. Own: the width of a cell of the default lattice.
 /// Own: the width of a cell of the default lattice.
 const ANALYTIC_KNOWN_HEIGHT: f64 = 0.5;
 
@@ -61,7 +62,7 @@ pub struct WindSurroundings<'a> {
 /// All winds of a scene: those known for the whole clip, and a lattice that is stepped frame by frame.
 #[derive(Debug)]
 pub struct SceneWind {
-    /// The wind at all times and places that are read ahead of the frames; `None` in calm air, and if the lattice is only
+    /// The wind that is read ahead of the frames, at all times and positions; `None` in calm air, and if the lattice is only
     /// stepped.
     field: Option<Arc<dyn Wind>>,
     /// A lattice that is stepped along with the frames, and the winds added to it.
@@ -83,10 +84,11 @@ struct SteppedWind {
 }
 
 impl SceneWind {
-    /// Builds the winds of a recipe; simulates a lattice through the clip if it is read ahead of the frames, else through its
-    /// spin-up. `full`: in an estimate, the recipe that `recipe` is a reduction of, whose lattice is planned but not run.
+    /// Builds the winds of a recipe; simulates a lattice through the clip if it is read ahead of the frames, otherwise through
+    /// its spin-up. `full`: in an estimate, the complete recipe, of which `recipe` is a reduction; its lattice is planned but not
+    /// run.
     /// # Errors
-    /// Those of [`LatticePlan::new`] and of the lattice's run.
+    /// Errors of [`LatticePlan::new`] and of the lattice's run.
     pub fn new(
         recipe: &Recipe,
         full: Option<&Recipe>,
@@ -121,7 +123,7 @@ impl SceneWind {
         if plan.stepped {
             let config = LatticeConfig::new(plan.options.clone(), surroundings.solids, context);
             let lattice = SteppedLattice::start(config, context.progress)?;
-            // If there is a recording too, its solver reports the same warnings.
+            // If there is also a recording, its solver reports the same warnings.
             if plan.recorded.is_none() {
                 report_warnings(lattice.solver(), report);
             }
@@ -140,16 +142,16 @@ impl SceneWind {
         Ok(wind)
     }
 
-    /// The wind at all times, for simulations that run ahead of the frames; `None` in calm air. `user`: as whom observers see
-    /// the reader.
+    /// The wind at all times, for simulations that run ahead of the frames; `None` in calm air. `user`: the part that reads the
+    /// wind, for observers.
     pub fn wind_at_all_times(&self, user: WindUser) -> Option<Arc<dyn Wind>> {
         self.field.as_ref().map(|wind| self.observed(user, Arc::clone(wind)))
     }
 
-    /// The wind of the whole box between frame `frame`, counted from the clip's first, and the next. If a lattice is stepped,
-    /// an earlier frame than before starts it again.
+    /// The wind of the whole box between frame `frame`, counted from the clip's first, and the next. If a lattice is stepped, an
+    /// earlier frame than before restarts it.
     /// # Errors
-    /// Those of a lattice.
+    /// Errors of a lattice.
     pub fn wind_until_next_frame(&self, user: WindUser, frame: i64) -> Result<Arc<dyn Wind>> {
         let wind = match (&self.stepped, &self.field) {
             (Some(stepped), _) => {

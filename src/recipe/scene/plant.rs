@@ -137,8 +137,8 @@ keys! {
 /// Largest number of autumn colours of an organ, since each adds three materials.
 const MAX_AUTUMN_COLORS: usize = 12;
 
-/// Reach of a leaf along +Y, and to the side opposite of its longest, as a share of its longest reach, below which that is taken for
-/// its midrib. Own: blades three times as wide as long pass, and leaves that lie on their side with some curl do not.
+/// A direction counts as the midrib of a leaf if the extents along +Y and in the opposite direction are both below this share of
+/// the extent along it. Own: blades three times as wide as long pass, and leaves that lie on their side with some curl do not.
 const SMALL_REACH: f32 = 0.25;
 
 /// Reach along +Y, as a share of the largest extent, below which a mesh has no length to scale. Own: shallow flowers are deeper.
@@ -703,7 +703,7 @@ impl Resolver<'_> {
     fn check_upright(&mut self, tree: &Imported, path: &str, span: Span, up: UpAxis) {
         let b = tree.mesh.bounds();
         let (below, height) = (-b.min.y, b.max.y);
-        // Of both directions of Z the name, how far the mesh reaches along it, and how far behind.
+        // For both directions of Z: name, extent of the mesh along it, and extent in the opposite direction.
         let is_trunk = |(_, reach, behind): &(&str, f32, f32)| *reach > height && *behind < BURIED_SHARE * reach;
         let axes = [("+Z", b.max.z, -b.min.z), ("-Z", -b.min.z, b.max.z)];
         let Some((name, reach, _)) = axes.into_iter().find(is_trunk).filter(|_| below > 0.5 * height) else { return };
@@ -859,7 +859,7 @@ impl Resolver<'_> {
     fn check_midrib(&mut self, leaf: &Imported, path: &str, span: Span, sized: bool) {
         let b = leaf.mesh.bounds();
         let (up, behind, extent) = (b.max.y.max(0.0), -b.min.y, b.size().max_element());
-        // Of each direction but +Y its name, how far the mesh reaches along it, and how far to the opposite side.
+        // For each direction except +Y: name, extent of the mesh along it, and extent in the opposite direction.
         let directions = [
             ("-X", -b.min.x, b.max.x),
             ("+X", b.max.x, -b.min.x),

@@ -189,7 +189,7 @@ impl Resolver<'_> {
         Some(RodRecipe { id: names.unique(wanted), on, clamps: clamps?, loads: loads?, keys })
     }
 
-    /// Index of the rod with a name, among those before; `None` and S005 without one.
+    /// Index of the rod with a name among the preceding rods; `None` and S005 if there is none.
     fn carrier_rod(&mut self, name: &str, span: Span, before: &[RodRecipe]) -> Option<usize> {
         // Only rods above this one are searched, so that no rod can carry itself through others.
         let found = before.iter().position(|r| r.keys.name == name);
@@ -310,7 +310,7 @@ impl Resolver<'_> {
     fn rod_load(&mut self, table: &TomlTable, path: &str) -> Option<RodLoadKeys> {
         let before = self.report.diagnostics.len();
         let keys = self.read_keys::<RodLoadKeys>(table, path);
-        // A kind that could not be read decides no number of numbers.
+        // If `kind` could not be read, the expected count of numbers per keyframe is unknown.
         if self.report.diagnostics.iter().skip(before).any(|d| d.code != "S002") {
             return None;
         }

@@ -210,7 +210,7 @@ impl ShapeKeys {
     }
 }
 
-/// Keys that twigs which fill a plant do not have: they have no roots of their own, no rule of radii and are no blades.
+/// Keys without a meaning for twigs that fill a plant: such twigs have no roots, no rule for radii, and are not blades.
 const OF_WHOLE_PLANTS: [&str; 8] =
     ["roots", "root_radius", "root_tilt_deg", "root_outward", "radii", "exponent", "ratios", "blade_width"];
 
@@ -231,7 +231,7 @@ impl Resolver<'_> {
         self.check_shape_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_solids(&keys, &merged, &format!("{path}.{name}"));
-        // Of the plant's own keys alone: a file of twigs may describe a whole plant, too.
+        // Check only the plant's own keys: a file of twigs may be written for a whole plant.
         for key in OF_WHOLE_PLANTS.into_iter().filter(|_| name == "fill") {
             let is_told = key == "ratios" && keys.radii != ShapeRadii::Cone;
             if span_of(plant, &[name, key]).is_some() && !is_told {

@@ -78,7 +78,7 @@ keys! {
 impl SiteKeys {
     /// Whether `self` and `other` have the same sky and the same solids, as trees in one field of light must.
     fn has_sky_of(&self, other: &Self) -> bool {
-        // Ages and seasons of a clip belong to the tree, not to its sky.
+        // Compare only the keys that determine light and obstacles, not those of the growth clip.
         let keys = |k: &Self| (k.side, k.latitude, k.direct, k.solids);
         keys(self) == keys(other)
     }
@@ -372,7 +372,7 @@ impl Resolver<'_> {
                 continue;
             }
             reported.push(&plant.name);
-            // A plant without a site has that of all defaults; its own table is then the place.
+            // A plant without a table `site` has the defaults: point at its own table instead.
             let span = |name: &str| {
                 let site = span_of(root, &["plants", name, "site"]);
                 site.or_else(|| span_of(root, &["plants", name])).unwrap_or(self.whole)

@@ -169,7 +169,7 @@ impl Resolver<'_> {
         Some(TerrainFile::Map(std::sync::Arc::new(map)))
     }
 
-    /// Warns with S007 that those of `keys` that the table has have no effect. `why`: the help text.
+    /// Warns with S007 of each of `keys` that the table contains, since it has no effect. `why`: the help text.
     fn ignore_terrain_keys(&mut self, table: &TomlTable, keys: &[&str], why: &str) {
         for entry in keys.iter().filter_map(|key| table.get(key)) {
             let text = format!("terrain.{} has no effect", entry.key);

@@ -189,7 +189,7 @@ impl Resolver<'_> {
     /// Sets the speed of the wind to the largest speed of `speed_curve`.
     fn apply_speed_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("speed_curve").filter(|_| !keys.speed_curve.is_empty()) else { return };
-        // The lattice is dimensioned for its largest speed, on which the curve is a factor of at most 1.
+        // The largest speed of the curve becomes the speed of the lattice; relative to it, the curve is a factor of at most 1.
         let most = keys.speed_curve.iter().map(|row| row[1]).fold(0.0, f64::max);
         if !(FASTEST[0]..=FASTEST[1]).contains(&most) {
             let text = format!("the largest speed of wind.lattice.speed_curve is {most} m/s");

@@ -101,7 +101,7 @@ pub trait KeyTable: Sized + RecipePart {
 }
 
 /// Names that a table of `S` may hold: its keys, then `tables` below it, without repetition.
-pub fn known_names<S: KeyTable>(tables: &[&'static str]) -> Vec<&'static str> {
+pub fn key_and_table_names<S: KeyTable>(tables: &[&'static str]) -> Vec<&'static str> {
     let mut names: Vec<&str> = S::keys().iter().map(|k| k.name).collect();
     let further: Vec<&str> = tables.iter().copied().filter(|t| !names.contains(t)).collect();
     names.extend(further);

@@ -4,7 +4,7 @@
 //! `keys!` declares a table with its keys; `recipe!` declares a struct of the recipe, whose fields are tables, values or other
 //! such structs. A field outside its `derived` block is hashed and listed, so that no key can miss the hash or the listing.
 
-use super::key::{KeyTable, RecipePart, TableInfo, known_names, refuse_unknown};
+use super::key::{KeyTable, RecipePart, TableInfo, key_and_table_names, refuse_unknown};
 use super::tree::TomlTable;
 use osier_base::diagnostic::Report;
 
@@ -82,7 +82,7 @@ impl Registry {
 
     /// Names that a table of `S` may hold: its keys, then the tables below it.
     pub fn names<S: KeyTable>(&self) -> Vec<&'static str> {
-        known_names::<S>(&self.tables_below(S::PATH))
+        key_and_table_names::<S>(&self.tables_below(S::PATH))
     }
 
     /// Reports S002 for each entry of a table that is neither a key of `S` nor a table below it. `path`: path of the table in

@@ -138,14 +138,14 @@ fn misspelt_number(text: &str, at: usize) -> Option<(std::ops::Range<usize>, Str
     let end = at + text[at..].find(|c| !is_part(c)).unwrap_or(text.len() - at);
     let is_number = |t: &str| !t.is_empty() && t.chars().all(|c| c.is_ascii_digit());
     let signed = |word: &str| word.len() - word.trim_start_matches(['+', '-']).len();
-    // A decimal comma, only in the whole value of a key: in a list a comma divides numbers.
+    // A decimal comma is corrected only in the single value of a key, since in a list a comma separates numbers.
     let word = &text[start..end];
     let (sign, digits) = word.split_at(signed(word));
     if let Some((whole, rest)) = digits.split_once(',').filter(|(whole, rest)| is_number(whole) && is_number(rest)) {
         let is_value = before[..start].trim_end_matches([' ', '\t']).ends_with('=');
         return is_value.then(|| (start..end, format!("{sign}{whole}.{rest}")));
     }
-    // A point at the end of the digits; of a list the number at the place.
+    // A point without digits before or after it; in a list, examine only the number at the place of the error.
     let start = text[start..at].rfind(',').map_or(start, |comma| start + comma + 1);
     let end = text[at..end].find(',').map_or(end, |comma| at + comma);
     let word = &text[start..end];
@@ -202,7 +202,7 @@ fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> 
     let at = value.span();
     let span = Span::new(source, at.start, at.end);
     let bad = |report: &mut Report, message: &str, help: &str| {
-        // A number that the parser has refused already is told once.
+        // A number that the parser has already refused is reported only once.
         let is_told = |d: &Diagnostic| {
             d.code == "S001"
                 && d.labels.iter().any(|(s, _)| s.source == source && (span.start..=span.end).contains(&s.start))

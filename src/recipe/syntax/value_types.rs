@@ -3,7 +3,8 @@
 use super::digest::Digest;
 use super::form::{ValueForm, ValueKind};
 use super::key::{
-    Fault, KeyListing, KeyTable, TableInfo, ValueType, finite_number, known_names, outside, refuse_unknown, wrong,
+    Fault, KeyListing, KeyTable, TableInfo, ValueType, finite_number, key_and_table_names, outside, refuse_unknown,
+    wrong,
 };
 use super::tree::{TomlNode, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
@@ -944,7 +945,7 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
             // A value type returns one error: the first of the table is reported.
             let mut report = Report::default();
             out.push(S::read(Some(t), name, &mut report));
-            refuse_unknown(t, name, S::PATH, &known_names::<S>(&[]), &mut report);
+            refuse_unknown(t, name, S::PATH, &key_and_table_names::<S>(&[]), &mut report);
             if let Some(d) = report.diagnostics.into_iter().next() {
                 return Err(Box::new(d));
             }

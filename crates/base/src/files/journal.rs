@@ -81,7 +81,7 @@ impl Journal {
         if !text.starts_with(HEADER) && !HEADER.starts_with(&text) {
             return Err(JournalError::Foreign);
         }
-        // A last line without its end is torn, and is no proof.
+        // A last line without a line end was cut off while it was written, and proves nothing.
         for line in text.split_inclusive('\n').filter_map(|l| l.strip_suffix('\n')) {
             if let Some((path, entry)) = parse(line) {
                 self.files.entry(path).or_default().insert(entry);

@@ -198,7 +198,8 @@ pub(super) fn remove_stale_parts(disk: &Arc<dyn Disk>, folder: &Path) {
             // A forked child holds the locks of this process until it executes another program, so `LIVE` decides instead.
             _ if same_pid && made_here(n) => !live(|l| l.contains(&path)),
             Lock::Taken => continue,
-            // Nobody held it: a part with the id of this process was left by an earlier process of that id.
+            // This process could take the lock, so no process holds it. A part with the id of this process was left by an earlier
+            // process with that id.
             Lock::Ours => own && (same_pid || is_dead(pid)),
             Lock::Unknown => false,
         };

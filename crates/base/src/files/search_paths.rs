@@ -119,7 +119,8 @@ impl SearchPaths {
         let folder = folder_of(from);
         let beside = folder.canonicalize().ok().filter(|f| self.holds(f));
         let mut refusal = missing();
-        // Beside the referring file first; the first folder, that of the opened file, is no search folder.
+        // Search the folder of the referring file first. The first of `folders`, that of the opened file, is only an allowed
+        // location and is not searched.
         for base in beside.iter().chain(self.folders.iter().skip(1)) {
             let Some(path) = below(base, &parts).filter(|p| self.holds(p)) else {
                 refusal = outside();

@@ -53,8 +53,8 @@ pub fn write(folder: &Folder, scene: &Scene) -> Result<()> {
 /// above the horizon. `y`: sine of the elevation.
 /// Own: shades chosen by eye, after photographs of drops in gardens; POV-Ray's sky has the same shades in other places.
 fn dapple(sky: &Sky, plain: Vec3, [u, v]: [f32; 2], y: f32) -> Vec3 {
-    // Colours of the first stop of the gradient, below the horizon, and of the last but one, above it. The cover decreases from
-    // full at the sine 0.2 of the elevation to none at 0.7.
+    // `deep` is the colour of the first stop of the gradient, below the horizon; `bright` is that of the last stop but one, above
+    // the horizon. The cover decreases from 1 at sin(elevation) = 0.2 to 0 at 0.7.
     let stops = sky.stops();
     let (Some(deep), Some(bright)) = (stops.first(), stops.iter().rev().nth(1)) else { return plain };
     let (deep, bright) = (Vec3::from_array(deep.1) * 0.5, Vec3::from_array(bright.1));

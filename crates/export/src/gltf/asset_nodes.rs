@@ -156,7 +156,7 @@ impl GltfDocument<'_> {
             };
             let (frames, shapes) = match shapes {
                 MorphFrames::Frames(keys) => (&keys.frames[..], ribbon_shapes(&keys.shapes)),
-                // Omitted with the warning X017.
+                // Leave out curves with too many moving points; the warning X017 reports them.
                 MorphFrames::TooMany => continue,
                 MorphFrames::Still => (&[][..], Vec::new()),
             };

@@ -104,8 +104,7 @@ impl BinaryBuffer {
         self.add_accessor(Accessor { normalized: true, min, max, ..accessor })
     }
 
-    /// Vectors of three floats at the increasing `indices` of `count` elements; all other elements are zero. With
-    /// bounds.
+    /// Adds a sparse accessor of `count` VEC3 elements with bounds: `values` at the increasing `indices`, zero elsewhere.
     pub(super) fn add_sparse_vectors(
         &mut self,
         indices: &[u32],

@@ -70,7 +70,7 @@ impl HiddenParts {
             let held: Vec<bool> = (0..count).map(|part| is_held(k, part)).collect();
             for (i, (part, point)) in parts.iter().zip(&shape.points).enumerate().filter(|(_, (part, _))| held[**part])
             {
-                // A hidden part is a point where it becomes visible first.
+                // A hidden part collapses to its first vertex in the first shape that stores the part.
                 hidden[*part].get_or_insert(*point);
                 shown.indices.push(saturating_index(i));
                 shown.points.push(*point);

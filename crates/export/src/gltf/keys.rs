@@ -85,7 +85,8 @@ fn reduce_keys<T: Copy + PartialEq>(
     }
     let restored = |a: usize, b: usize| {
         (a + 1..b).all(|i| {
-            // The share of the interval in f32 from the stored key times, as a reader computes it, not from frame numbers.
+            // The interpolation parameter is computed in f32 from the stored key times, as a reader computes it, not from frame
+            // numbers.
             let t = (times[i] - times[a]) / (times[b] - times[a]);
             near(&between(&values[a], &values[b], t), &values[i])
         })

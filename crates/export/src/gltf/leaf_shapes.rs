@@ -154,8 +154,8 @@ pub(super) struct LeafShapes {
 
 /// The leaves of a plant as a mesh that morphs.
 pub(super) struct LeafMesh {
-    /// The blades as in the shape with the most leaves; a blade that is hidden there as in the last shape in which it
-    /// is visible.
+    /// The blades in their state in the shape with the most leaves. A blade that is hidden in that shape is in the state of the
+    /// last shape in which it is visible.
     pub mesh: Mesh,
     /// Indices of the frames of which there are shapes, increasing.
     pub frames: Vec<usize>,
@@ -274,7 +274,8 @@ impl LeafShapes {
     /// leaves of each, which bounds the memory.
     fn thin_out(&mut self) {
         let LeafBudget { strides: [_, longest], entry, file, .. } = self.budget;
-        // A leaf also has entries in shapes in which it is a point: about a third more.
+        // A leaf also has entries in neighbouring shapes in which it is collapsed to a point: about a third more, hence the
+        // factor 4/3.
         let bytes_of = |shapes: &[RecordedShape]| {
             shapes.iter().map(|shape| shape.leaves.len()).sum::<usize>() * BLADE_VERTICES * entry * 4 / 3
         };

@@ -119,7 +119,8 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
 /// Angle between two rotations, rad in [0, pi]: twice the arc tangent of sine and cosine of the half angle, which is exact for
 /// small angles, where an arc cosine is not.
 pub(super) fn rotation_angle(a: Quat, b: Quat) -> f32 {
-    // d = (v sin(h), cos(h)) with h half the angle. |cos h| takes the short way, as d and -d are the same rotation.
+    // d = (v sin(h), cos(h)) with h half the angle. The absolute value of cos(h) selects the rotation by at most 180 degrees, as
+    // d and -d are the same rotation.
     let d = a.conjugate() * b;
     // The root and the arc tangent are taken in f64, so that small angles keep the digits of the f32 sum.
     let sine = f64::from(d.x * d.x + d.y * d.y + d.z * d.z).max(0.0);

@@ -34,7 +34,7 @@ pub(crate) struct AssetSample<'a> {
     pub(crate) state: &'a AssetFrame,
     /// Time code: the number of the frame.
     pub(crate) time: f64,
-    /// Maps of the scene's map sequences, or empty.
+    /// Maps of the scene's map sequences at this frame; empty without any.
     pub(crate) maps: &'a [MapFrame],
 }
 

@@ -319,7 +319,6 @@ impl ItemParser<'_> {
     /// Parses the axis of a rotation: `world x|y|z` or `turtle h|l|u`.
     fn rotation(&mut self, cursor: &mut TokenCursor<'_>) -> Option<TurtleAction> {
         let place = cursor.place();
-        // World axes are fixed in space; turtle axes move with the turtle.
         let (space, axis) = (self.word(cursor), self.word(cursor));
         let action = match (space.as_str(), axis.as_str()) {
             ("world", "x") => TurtleAction::RotateWorld(0),

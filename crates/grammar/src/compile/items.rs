@@ -709,7 +709,7 @@ impl ItemParser<'_> {
         None
     }
 
-    /// cpfg's arrow of productions that an environment takes part in, wherever it stands in the line.
+    /// Place of the arrow `-o>`, cpfg's mark of productions that involve the environment, if the line has one.
     fn environment_arrow(&self, line: &LogicalLine) -> Option<SourcePlace> {
         line.tokens.windows(3).find_map(|w| match w {
             [a, o, b] if a.is('-') && self.is_word(Some(o), "o") && b.is('>') && o.glued && b.glued => {

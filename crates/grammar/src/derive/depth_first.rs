@@ -95,7 +95,7 @@ impl ModuleSink for ModuleString {
         self.params_mut().extend_from_slice(&block.params[params]);
         let part =
             ModuleBlock { symbols: &block.symbols[range.clone()], ends: &block.ends[range.clone()], first_param };
-        self.finish_modules(part, range.map(|i| block.lineage(i)), block.birth);
+        self.append_modules(part, range.map(|i| block.lineage(i)), block.birth);
         ControlFlow::Continue(())
     }
 }

@@ -1,4 +1,4 @@
-//! The last step of a derivation: which module of the string before it each module of its result comes from.
+//! Finds, for each module of the final string, the module of the previous string from which it came.
 
 use super::{DeriveOptions, DerivedString, derive};
 use crate::grammar::{Grammar, runtime_error};
@@ -79,7 +79,8 @@ struct OriginSearch<'a> {
 }
 
 impl OriginSearch<'_> {
-    /// The origin of the next module, recognised by its lineage: that of a made module follows from the lineage of its parent.
+    /// Origin of the next module of the final string. A module that the step made is recognised by its lineage, which follows
+    /// from that of its parent.
     fn origin(&mut self, m: Module<'_>) -> Origin {
         let code = u64::from(u32::from(self.grammar.symbols().get(m.symbol)));
         let lineage = m.lineage();

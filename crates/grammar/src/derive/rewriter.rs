@@ -234,7 +234,8 @@ impl<'p> Rewriter<'p> {
         if !view.matches_left(brackets, &p.left, at, locals) || !view.matches_right(brackets, &p.right, right, locals) {
             return Ok(false);
         }
-        // The new string is made on one side of the module: on the other there is nothing to look at.
+        // Contexts of the new string exist only on the side that has been rewritten already: to the left in a forward pass, to
+        // the right in a backward pass.
         let made = &mut self.made;
         if !p.new_left.is_empty() && (self.is_backward || !made.ends_with(view, brackets, &p.new_left, locals)) {
             return Ok(false);
@@ -479,7 +480,7 @@ impl<'p> Rewriter<'p> {
         let first_param = saturating_index(out.param_count());
         self.append_params(production, out.params_mut())?;
         let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
-        out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);
+        out.append_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);
         Ok(())
     }
 }

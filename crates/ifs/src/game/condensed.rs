@@ -21,7 +21,7 @@ pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) {
             } else {
                 let draw = lanes.draw(lane) >> 1;
                 if lanes.map[lane] as usize >= game.maps.len() {
-                    // A jump forgets which map came last.
+                    // After a jump no map was the last one: use the map that counts as the last one at the start of the chain.
                     lanes.map[lane] = game.first;
                 }
                 lanes.step(game, lane, draw);

@@ -63,8 +63,8 @@ pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<Drawn
     })
 }
 
-/// BLAKE3, 64 hex digits, of all that decides a leaf: table, parameters, colours, this program.
-/// Own: what Rust prints of a float is read back as the same bits, and what it prints of a struct leaves out no field.
+/// BLAKE3 hash, 64 hex digits, of everything that determines a leaf: table, parameters, colours, and version of the program. Own:
+/// Rust's `Debug` output of a float reads back to the same bits, and that of a struct contains every field.
 pub fn hash(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> String {
     let text = format!("{} {REVISION} {table:?} {spec:?} {colors:?}", env!("CARGO_PKG_VERSION"));
     blake3::hash(text.as_bytes()).to_hex().to_string()

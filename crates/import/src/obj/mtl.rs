@@ -73,7 +73,8 @@ impl MaterialLibraries {
 
     /// Checks a library and reads the images that it names.
     fn add(&mut self, context: &mut ImportContext<'_>, path: &Path, bytes: &[u8]) {
-        // The file's own name suffices beside the name of the mesh, and keeps folders of the machine out of reports.
+        // Messages name the library by its file name alone, which suffices next to the name of the mesh and does not reveal local
+        // folders.
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let Some(text) = text(context, &name, bytes) else { return };
         let plain = plain(&text);

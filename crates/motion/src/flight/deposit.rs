@@ -91,7 +91,8 @@ impl FlightSimulation {
         for (id, air) in sliding.into_iter().zip(air) {
             let c = self.catkin(id);
             let fall = self.clusters.get(&id).map_or(c.fall, |k| k.fall);
-            // Net vertical velocity, reduced by the humidity, along the wall's steepest direction; off an overhang straight down.
+            // Slide with the net vertical velocity (updraft minus settling speed), reduced by the humidity, along the steepest
+            // direction of the wall; off an overhang straight down.
             let speed = (1.0 - self.face_humidity(c)) * (f64::from(air.y) - fall);
             let steepest = (Vec3::Y - c.normal * c.normal.y).normalize_or(Vec3::Y);
             let along = if c.normal.y < OVERHANG_NORMAL_Y { DVec3::Y } else { steepest.as_dvec3() };

@@ -130,7 +130,7 @@ pub struct FlightParams {
     pub gamma: f64,
     /// Humidity of the ground, which raises the threshold of lift-off; walls have the humidity of their solid.
     pub humidity: GroundHumidity,
-    /// Wind speed at 0.1 m height from which on a dry single lifts off.
+    /// Threshold of the wind speed at 0.1 m height, m/s, above which a dry single catkin can lift off.
     pub lift_speed: f64,
     /// Lift-off rate, 1/s, where the wind at 0.1 m is twice its threshold.
     pub lift_rate: f64,

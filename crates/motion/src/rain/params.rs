@@ -88,7 +88,7 @@ pub struct DropParams {
     /// Time constant of the viscous decay of a running drop's speed, s.
     pub velocity_decay_time: f64,
     /// Relative variation of the retention force over a leaf, 0 to 1.
-    pub pinning_noise: f64,
+    pub retention_variation: f64,
     /// Whether drops merge as soon as they touch, or by the attraction of [yang-wu].
     pub merge: MergeRule,
     /// Strength of the attraction of [`MergeRule::Paper`], N.
@@ -144,7 +144,7 @@ impl Default for DropParams {
             friction_force: 2e-5,
             retention_factor: 1.0,
             velocity_decay_time: 0.05,
-            pinning_noise: 0.3,
+            retention_variation: 0.3,
             merge: MergeRule::Touch,
             attraction_force: 1e-4,
             lever: DropWeightTorque::Physical,

@@ -246,8 +246,8 @@ pub const MAX_PENDANT_STRETCH: f64 = 1.6;
 /// Shape at the end of necking, after photographs: relative lengthening of the drop, and relative narrowing of its neck.
 pub const NECK_LENGTHENING: f64 = 0.45;
 pub const NECK_THINNING: f64 = 0.75;
-/// Heights of the neck, of the waist at which the body begins to narrow into it, and from which on the drop lengthens, as fractions
-/// of its length from the apex.
+/// As fractions of the length from the apex: height of the neck, height of the waist above which the body narrows into it, and
+/// height above which the drop lengthens.
 pub const NECK_POSITION: f64 = 0.82;
 pub const NECK_WAIST: f64 = 0.5;
 pub const NECKED_SHIFT_START: f64 = 0.4;

@@ -301,7 +301,7 @@ impl JointShares {
 struct SizeCut {
     /// Number of branches with joints.
     count: usize,
-    /// Branching order whose bends fade out, the length, m, at which they are 0, and the length from which on they are complete.
+    /// Branching order whose bends fade out, with the lengths, m, up to which bends are 0 and from which they are complete.
     fade: Option<(u8, f32, f32)>,
 }
 

@@ -104,9 +104,9 @@ pub(crate) const MAX_BEND: f32 = 1.4;
 /// tears.
 pub(crate) const COLLAR_RADII: f32 = 1.5;
 
-/// Ratio of the length of a branch to that of the longest branch without joints, from which it bends as simulated; shorter ones
-/// bend by a decreasing share. Lower: branches that bend stand beside rigid ones of nearly their length; higher: more branches
-/// bend less than simulated.
+/// A branch this many times as long as the longest branch without joints bends as simulated; shorter ones bend by a decreasing
+/// share. Lower: branches that bend are next to rigid ones of nearly their length; higher: more branches bend less than
+/// simulated.
 pub(crate) const JOINT_FADE: f32 = 1.5;
 
 /// Ratio of two successive lengths among sorted branches, from which the longer ones are a separate class that needs no

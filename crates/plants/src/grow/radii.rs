@@ -54,7 +54,7 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
     let n = if options.exponent.is_finite() { options.exponent.clamp(1.0, 6.0) } else { 2.3 };
     let tip = options.tip.max(1e-6);
     // Sum the n-th powers from the tips to the base, then smooth the steps that forks leave, axis by axis.
-    let thickest = accumulate_all(plant, tip, n);
+    let thickest = set_all_axis_radii(plant, tip, n);
     let mut smoothing = Smoothing::default();
     for i in 0..plant.axes.len() {
         smoothing.smooth(plant, i);
@@ -154,7 +154,7 @@ impl Loads {
 
 /// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the radius of the thickest
 /// root.
-fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
+fn set_all_axis_radii(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     let (leaf, pow_tip) = (pow(LEAF_RADIUS, n), pow(tip, n));
     // Leaves first; branches follow once they are summed.
     let mut loads = Loads::new(plant);
@@ -165,7 +165,7 @@ fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     let (mut area, mut radius) = (CachedPower::new(n), CachedPower::new(1.0 / n));
     // Axes come after their parents, so the reverse order has every child summed before its parent.
     for i in (0..plant.axes.len()).rev() {
-        let base = accumulate(plant, i, loads.sorted(i), pow_tip, &mut radius).unwrap_or(tip);
+        let base = set_axis_radii(plant, i, loads.sorted(i), pow_tip, &mut radius).unwrap_or(tip);
         let axis = &plant.axes[i];
         if axis.parent == NONE {
             thickest = thickest.max(base);
@@ -179,7 +179,7 @@ fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
 /// Radii of one axis before smoothing, from its tip down; returns that of its base. `loads`: arc lengths and n-th
 /// powers of the radii of its branches and leaves, sorted from the tip; `pow_tip`: n-th power of the tip's radius;
 /// `root`: the n-th root.
-fn accumulate(
+fn set_axis_radii(
     plant: &mut Plant,
     axis: usize,
     loads: &[(f32, f64)],

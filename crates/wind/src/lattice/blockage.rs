@@ -1,5 +1,4 @@
-//! How much of the inflow the solids block: the share of blocked rows of cells, and the narrowest passage past the
-//! solids.
+//! Amount of the inflow that solids block: the share of blocked rows of cells, and the narrowest passage past the solids.
 
 use std::collections::VecDeque;
 
@@ -29,8 +28,8 @@ pub(super) fn blocked_row_share(domain: &Domain, along: usize) -> f64 {
     blocked as f64 / (n[across[0]] * n[across[1]]) as f64
 }
 
-/// Share of the inflow's cross-section that stays open at the narrowest place between inlets and outlets, 0 to 1,
-/// counted in faces of cells. The search ends once the share reaches `enough`.
+/// Share of the inflow's cross-section that stays open at the narrowest position between inlets and outlets, 0 to 1, counted in
+/// faces of cells. The search ends when the share reaches `enough`.
 ///
 /// By Menger's theorem the narrowest section has as many faces as there are paths from inlets to outlets that share no
 /// face. That number is the maximum flow through a network with an edge of capacity 1 for every face between two air
@@ -41,7 +40,7 @@ pub(super) fn narrowest_open_share(domain: &Domain, enough: f64) -> f64 {
     let inlets = network.ends(FaceCondition::Inlet);
     let wanted = enough * inlets.len() as f64;
     let mut flow = 0.0_f64;
-    // Each phase finds augmenting paths of the shortest length that is left; if there is none, the flow is maximal.
+    // Each phase finds augmenting paths of the shortest remaining length; if there are none, the flow is maximal.
     while flow < wanted && network.find_levels(&inlets) {
         for end in &inlets {
             if flow < wanted && !network.is_end_used(*end) && network.find_augmenting_path(*end) {
@@ -59,7 +58,7 @@ struct NetworkEnd {
     face: usize,
 }
 
-/// Air cells, joined by their faces. Faces are numbered -x, +x, -y, +y, -z, +z.
+/// Air cells, connected by their faces. Faces are numbered -x, +x, -y, +y, -z, +z.
 struct FlowNetwork<'a> {
     domain: &'a Domain,
     /// By cell and axis: flow through its upper face, -1 to 1.
@@ -106,13 +105,13 @@ impl<'a> FlowNetwork<'a> {
         self.used_ends[self.domain.grid.cell_index(cell)] >> face & 1 == 1
     }
 
-    /// The air cell beyond a face; `None` if there is none, or if a surface lies between.
+    /// The air cell beyond a face; `None` if there is none, or if a surface lies in between.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     fn neighbor(&self, cell: [usize; 3], face: usize) -> Option<[usize; 3]> {
         let mut node = cell.map(|c| c as isize);
         node[face / 2] += if face.is_multiple_of(2) { -1 } else { 1 };
         let next = self.domain.node_as_cell(self.domain.wrap_periodic(node))?;
-        // Directions along the axes are numbered +x, -x, ... from 1 on.
+        // Directions along the axes are numbered +x, -x, ... beginning with 1.
         (!self.domain.is_solid(next) && !self.domain.is_link_cut(cell, opposite(face + 1))).then_some(next)
     }
 
@@ -153,10 +152,10 @@ impl<'a> FlowNetwork<'a> {
         reached
     }
 
-    /// Finds a path from an inlet to an unused outlet along rising levels, and lets one unit flow along it.
+    /// Finds a path from an inlet to an unused outlet along ascending levels, and adds one unit of flow along it.
     fn find_augmenting_path(&mut self, inlet: NetworkEnd) -> bool {
         let grid = self.domain.grid;
-        // The path so far, as cells and the face by which it leaves each.
+        // The path so far: cells, and the face by which it leaves each of them.
         let (mut way, mut cell): (Vec<NetworkEnd>, [usize; 3]) = (Vec::new(), inlet.cell);
         loop {
             let c = grid.cell_index(cell);
@@ -220,7 +219,7 @@ mod tests {
 
     #[test]
     fn the_narrowest_section_counts_and_not_what_stands_in_the_way() {
-        // Nothing; a wall across all but a gap of 2 x 3 cells; two walls that leave half each, on opposite sides; no gap.
+        // No solid; a wall with a gap of 2 x 3 cells; two walls that leave half each, on opposite sides; a wall without a gap.
         let gap = |[x, y, z]: [usize; 3]| x == 12 && !(y < 2 && (4..7).contains(&z));
         let staggered = |[x, y, _]: [usize; 3]| x == 6 && y < 5 || x == 18 && y >= 5;
         for (domain, rows, open) in [

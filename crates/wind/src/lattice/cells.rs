@@ -1,4 +1,4 @@
-//! Where the cells of the lattice are in the world.
+//! Positions of the cells of the lattice in the world.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::grid::LatticeGrid;
 use osier_scene::solid::{Form, Solid};
 
-/// Position of the cells in the world and their size; the [`LatticeGrid`] holds their number.
+/// Position of the cells in the world and their size; the [`LatticeGrid`] contains their number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CellGeometry {
     /// Lowest corner of the box, m.
@@ -30,8 +30,8 @@ impl CellGeometry {
         (f64::from(bounds.max.y) - f64::from(bounds.min.y).max(self.origin.y)) / self.spacing
     }
 
-    /// Columns and rows of the plane `z` whose centres lie within a solid's bounds, widened by `margin`, m; `None` if
-    /// the plane itself lies outside. Land extends without bound horizontally and downwards.
+    /// Columns and rows of the plane `z` whose centres lie within a solid's bounds, extended by `margin`, m; `None` if the plane
+    /// itself lies outside. Land extends without bound horizontally and downwards.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn plane_range(
         self,

@@ -1,4 +1,4 @@
-//! Complete state of a solver as bytes: the flow, and the statistics and warnings of the steps before.
+//! Complete state of a solver as bytes: the flow, and the statistics and warnings of the steps so far.
 
 use super::report::{LatticeStats, LatticeWarning};
 use super::solver::{LatticeSolver, checkpoint_mismatch_error};
@@ -7,7 +7,7 @@ use osier_base::diagnostic::codes;
 
 /// Bytes of [`LatticeStats`]: five numbers.
 const STATS_BYTES: usize = 40;
-/// Codes of warnings about steps: clamped speeds and checkerboards. All others are about options and solids.
+/// Codes of warnings about steps: clamped speeds and checkerboards. All other warnings are about options and solids.
 const CODES_OF_STEPS: [&str; 2] = ["S022", "S023"];
 
 impl LatticeSolver {
@@ -22,7 +22,7 @@ impl LatticeSolver {
         let LatticeStats { steps, clamped_cells, peak_checkerboard, checkerboard, density_error } = self.stats;
         let mut bytes: Vec<u8> = [steps, clamped_cells].iter().flat_map(|n| n.to_le_bytes()).collect();
         bytes.extend([peak_checkerboard, checkerboard, density_error].iter().flat_map(|v| v.to_le_bytes()));
-        // One line per warning, code and text separated by a tab, behind their length in bytes.
+        // One line per warning, code and text separated by a tab, preceded by the length in bytes of all lines.
         let warnings: String = self.warnings.iter().map(|w| format!("{}\t{}\n", w.code, w.text)).collect();
         bytes.extend((warnings.len() as u64).to_le_bytes());
         bytes.extend(warnings.into_bytes());
@@ -30,8 +30,8 @@ impl LatticeSolver {
         bytes
     }
 
-    /// Continues from the state of a solver with the same options, seed and solids; all later results have the bytes of a run
-    /// that never stopped.
+    /// Continues from the state of a solver with the same options, seed and solids; all later results have the bytes of an
+    /// uninterrupted run.
     /// # Errors
     /// `Input` if the state is of another lattice wind or damaged.
     pub fn restore_state(&mut self, bytes: &[u8]) -> Result<()> {
@@ -46,9 +46,9 @@ impl LatticeSolver {
     }
 }
 
-/// Statistics, warnings and the bytes of the flow from [`LatticeSolver::save_state`]; none if they are damaged.
+/// Statistics, warnings and the bytes of the flow from [`LatticeSolver::save_state`]; `None` if they are damaged.
 fn parse_state(bytes: &[u8]) -> Option<(LatticeStats, Vec<LatticeWarning>, &[u8])> {
-    // The inverse of `save_state`, field by field; any missing byte gives none.
+    // The inverse of `save_state`, field by field; a missing byte gives `None`.
     let (head, rest) = bytes.split_at_checked(STATS_BYTES)?;
     let words: Vec<[u8; 8]> = head.as_chunks::<8>().0.to_vec();
     let [steps, clamped_cells, peak_checkerboard, checkerboard, density_error] = words[..] else { return None };

@@ -7,12 +7,12 @@
 use super::stencil::{Q, VELOCITIES, WEIGHTS, weight};
 use osier_base::simd::Lane;
 
-/// Highest speed at which the equilibrium is evaluated, cells per step. The second-order expansion (eq. 8) assumes
+/// Highest speed at which the equilibrium is evaluated, cells per step. The second-order expansion (eq. 8) assumes |u| <<
+/// 1/sqrt(3); at higher speeds it becomes negative for some directions and the scheme diverges.
 /// |u| << 1/sqrt(3); above, it turns negative for some directions and the scheme diverges.
 pub(super) const MAX_SPEED: f64 = 0.3;
-/// Speed, cells per step, up to which no cell can exceed [`MAX_SPEED`] in the next step: while no cell of a plane is
-/// faster, the kernel leaves out the speed test. Higher: a cell may pass the limit unnoticed. Lower: more planes run
-/// the slower kernel.
+/// Speed, cells per step, up to which no cell can exceed [`MAX_SPEED`] in the next step: while no cell of a plane is faster, the
+/// kernel omits the speed test. Higher: a cell may exceed the limit unnoticed. Lower: more planes run the slower kernel.
 pub(super) const UNCHECKED_SPEED: f64 = 0.25;
 
 /// How populations relax towards the equilibrium.
@@ -78,7 +78,7 @@ impl<L: Lane> EvenOddPopulations<L> {
         self.rest + (((self.even[0] + self.even[1]) + self.even[2]) + self.sum_of_diagonal_pairs())
     }
 
-    /// First moment: sum c_i f_i, to which even parts add nothing.
+    /// First moment: sum c_i f_i, to which even parts contribute nothing.
     #[inline(always)]
     fn momentum(&self) -> [L; 3] {
         // Each axis pair adds to one axis; a diagonal pair counts with the signs of its first member: (+++), (++-), (+-+), (-++).
@@ -100,7 +100,7 @@ impl<L: Lane> EvenOddPopulations<L> {
         let xx = minus_inverse_density.mul_add(j[0] * j[0], s[0] + diagonal);
         let yy = minus_inverse_density.mul_add(j[1] * j[1], s[1] + diagonal);
         let zz = minus_inverse_density.mul_add(j[2] * j[2], s[2] + diagonal);
-        // Off the diagonal only the diagonal directions count, with the sign of c_a c_b.
+        // Only the diagonal directions contribute to the off-diagonal moments, with the sign of c_a c_b.
         let (a, b, c, d) = (s[3] + s[4], s[5] + s[6], s[3] - s[4], s[5] - s[6]);
         let xy = minus_inverse_density.mul_add(j[0] * j[1], a - b);
         let xz = minus_inverse_density.mul_add(j[0] * j[2], c + d);
@@ -168,20 +168,20 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
     let rho = one + drho;
     let inverse_density = one.div(rho);
     let mut j = pairs.momentum();
-    // Momentum of the populations that is not in the equilibrium's j: nonzero only with a force or after clamping.
+    // Momentum of the populations in excess of the equilibrium's j: nonzero only with a force or after clamping.
     let mut excess = [one.splat(0.0); 3];
     if FORCE {
-        // Guo's scheme: half of the force belongs to the velocity.
+        // Guo's scheme: the velocity includes half of the force.
         for ((j, excess), force) in j.iter_mut().zip(&mut excess).zip(relaxation.force) {
             let half = one.splat(0.5) * force;
             (*j, *excess) = (*j + half, *excess - half);
         }
     }
-    // Compute |u|^2 = |j|^2 / rho^2 with |j|^2 from the momentum: it need not wait for the division 1/rho, as the
-    // velocity must.
+    // Compute |u|^2 = |j|^2 / rho^2 with |j|^2 from the momentum: unlike the velocity, it does not have to wait for the division
+    // 1/rho.
     let speed_squared = inverse_density * (inverse_density * j[0].mul_add(j[0], j[1].mul_add(j[1], j[2] * j[2])));
     if limit.is_finite() && speed_squared.any_gt(limit) {
-        // Shorten j to the speed limit. The rest stays in the populations and relaxes as non-equilibrium momentum.
+        // Shorten j to the speed limit. The remainder stays in the populations and relaxes as non-equilibrium momentum.
         let scale = speed_squared.select_gt(limit, one.splat(MAX_SPEED).div(speed_squared.sqrt()), one);
         for (j, excess) in j.iter_mut().zip(&mut excess) {
             let clamped = *j * scale;
@@ -225,9 +225,9 @@ fn force_term<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
 
 /// The relaxed populations g - omega (g - g_eq), pair by pair.
 ///
-/// With s = c_i.u and e = drho + rho (4.5 s^2 - 1.5 u^2) the equilibria of a pair are w (e + 3 rho s) and w (e - 3 rho s),
-/// so their even part is 2 w e and their odd part 6 w rho s. `momentum`: j = rho u; `excess`: what the populations carry
-/// beyond it.
+/// With s = c_i.u and e = drho + rho (4.5 s^2 - 1.5 u^2) the equilibria of a pair are w (e + 3 rho s) and w (e - 3 rho s), so
+/// their even part is 2 w e and their odd part 6 w rho s. `momentum`: j = rho u; `excess`: momentum of the populations in excess
+/// of it.
 ///
 /// Results are formed from even and odd parts alone: keeping the fifteen populations until here would exceed the
 /// processor's registers and cost a tenth of the time.
@@ -257,15 +257,15 @@ fn relax_pairs<L: Lane>(
     for k in 3..7 {
         odd[k] = number(-6.0 * WEIGHTS[2]).mul_add(along[k], pairs.odd[k]);
     }
-    // Derive the axis-aligned odd parts from the diagonal ones, so that all odd non-equilibrium parts together carry
-    // exactly `excess`: relaxation then leaves the momentum's last bits alone. Computed one by one as the diagonals are,
-    // they would lose them in every step, and the losses add up.
+    // Derive the axis-aligned odd parts from the diagonal ones, so that all odd non-equilibrium parts together carry exactly
+    // `excess`: relaxation then does not change the last bits of the momentum. Computed independently like the diagonals, they
+    // would change these bits in every step, and the errors accumulate.
     let (a, b, c, d) = (odd[3] + odd[4], odd[5] - odd[6], odd[3] - odd[4], odd[5] + odd[6]);
     odd[0] = excess[0] - (a + b);
     odd[1] = excess[1] - (a - b);
     odd[2] = excess[2] - (c + d);
-    // Half of each part goes to either direction: even part (1 - omega)/2 (g_i + g_opp) + omega w e, and the odd part
-    // (g_i - g_opp)/2 - omega/2 times its non-equilibrium part.
+    // Each direction gets half of each part: even part (1 - omega)/2 (g_i + g_opp) + omega w e, and odd part (g_i - g_opp)/2 -
+    // omega/2 times its non-equilibrium part.
     let kept = half + number(0.5);
     let (axis_weight, diagonal_weight) = (half * number(-2.0 * WEIGHTS[1]), half * number(-2.0 * WEIGHTS[2]));
     for k in 0..7 {

@@ -1,4 +1,4 @@
-//! Wake of a wall at several sizes of the cells: how far results still depend on it. `docs/wind.md` states the figures.
+//! Wake of a wall at several sizes of the cells: the dependence of results on this size. `docs/wind.md` states the figures.
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -22,13 +22,13 @@ const WALL: [f32; 2] = [3.0, 0.2];
 const BOX: [f64; 3] = [84.0, 24.0, 12.0];
 /// Distance of the wall from the inlet, m.
 const FETCH: f64 = 18.0;
-/// Duration of the mean, s.
+/// Averaging time, s.
 const MEAN_OVER: f64 = 80.0;
 
 /// The mean flow behind the wall.
 #[derive(Debug, Clone, Copy)]
 struct WallWakeStats {
-    /// Length of the reverse flow half a metre over the ground, wall heights.
+    /// Length of the reverse flow half a metre above the ground, wall heights.
     reattachment: f64,
     /// Mean and standard deviation of the velocity along the wind five heights behind the wall at its height, as fractions of
     /// the inflow's mean there.
@@ -72,7 +72,7 @@ fn wake_of_a_wall(spacing: f64, seed: u64) -> WallWakeStats {
             (sum, square, count) = (sum + u, square + u * u, count + 1.0);
         }
     }
-    // The last place of reverse flow, as a place between two cells.
+    // The end of the reverse flow, as a position between two cells.
     let behind = column(1.0)..nx;
     let last = behind.clone().rev().find(|x| low[*x] < 0.0).unwrap_or(behind.start);
     let share = low[last] / (low[last] - low[(last + 1).min(nx - 1)]);

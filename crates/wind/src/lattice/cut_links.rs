@@ -17,7 +17,7 @@ use osier_base::math::narrow;
 use osier_base::par;
 use osier_scene::solid::Solid;
 
-/// Half links between cells that surfaces cut.
+/// Half links between cells that are cut by surfaces.
 #[derive(Debug, Clone, Default)]
 pub(super) struct HalfLinkCutMask {
     /// By cell, x fastest: bit i is set if a surface cuts the half link in direction i. Empty if none is cut.
@@ -60,13 +60,13 @@ impl HalfLinkCutMask {
         Self { halves }
     }
 
-    /// Whether a surface cuts the half link of the cell of an index in direction `i`.
+    /// Whether a surface cuts the half link in direction `i` of the cell with index `cell`.
     #[inline]
     pub(super) fn is_cut(&self, cell: usize, i: usize) -> bool {
         self.halves.get(cell).is_some_and(|bits| bits >> i & 1 == 1)
     }
 
-    /// Whether all half links of the cell of an index are cut: its centre lies on a surface.
+    /// Whether all half links of the cell with index `cell` are cut: its centre lies on a surface.
     pub(super) fn is_isolated(&self, cell: usize) -> bool {
         self.halves.get(cell).is_some_and(|bits| (1..Q).all(|i| bits >> i & 1 == 1))
     }
@@ -82,7 +82,7 @@ impl HalfLinkCutMask {
     }
 }
 
-/// Which of the half links around a cell's centre meet a solid, as a bit mask.
+/// The half links around a cell's centre that meet a solid, as a bit mask.
 fn cut_halves(solid: &Solid, center: Vec3, half: f32, slack: f32) -> u16 {
     (1..Q)
         .filter(|i| {

@@ -1,4 +1,4 @@
-//! Writing snapshots, and the health of the flow that is judged from the same moments: density range, mass, checkerboard.
+//! Writes snapshots, and computes diagnostics of the flow from the same moments: density range, mass, checkerboard.
 
 use super::domain::Domain;
 use super::snapshot_layout::SnapshotLayout;
@@ -17,12 +17,12 @@ pub(super) struct PlaneDiagnostics {
     pub out_of_range: Option<[usize; 2]>,
     /// Sum of the density less 1.
     pub mass: f64,
-    /// Sum of the density less 1, with a sign that alternates with the parity of x + y + z: nonzero when the
-    /// sublattices of even and of odd cells decouple.
+    /// Sum of the density less 1, with a sign that alternates with the parity of x + y + z: nonzero if the sublattices of even
+    /// and of odd cells decouple.
     pub checkerboard: f64,
 }
 
-/// Partial sums that are accumulated side by side.
+/// Number of partial sums that are accumulated in parallel.
 const PARTIAL_SUMS: usize = 8;
 
 /// Memory that a pass fills with the moments of its last step, converted to a snapshot's units.
@@ -64,8 +64,8 @@ impl SnapshotPlane<'_> {
 }
 
 impl PlaneDiagnostics {
-    /// Adds a row of cells, velocity by component and density less 1, and writes it into the snapshot's plane, if there
-    /// is one. Solid cells are set to 0.
+    /// Adds a row of cells, velocity by component and density less 1, to the diagnostics, and writes it into the snapshot's
+    /// plane, if there is one. Solid cells are set to 0.
     #[inline(always)]
     pub(super) fn add_and_store_row(
         &mut self,
@@ -77,7 +77,7 @@ impl PlaneDiagnostics {
     ) {
         let nx = domain.grid.n[0];
         let solid = &domain.solid[domain.grid.cell_index([0, y, z])..][..nx];
-        // Populations of solid cells are never read by the flow, but would spoil sums and snapshots.
+        // The flow never reads populations of solid cells, but they would distort sums and snapshots.
         let [ux, uy, uz, drho] = moments;
         for (x, _) in solid.iter().enumerate().filter(|(_, solid)| **solid) {
             (ux[x], uy[x], uz[x], drho[x]) = (0.0, 0.0, 0.0, 0.0);

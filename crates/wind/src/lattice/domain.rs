@@ -1,4 +1,4 @@
-//! The simulated box: solid cells, the boundary condition of each face, and from where each population arrives.
+//! The simulated box: solid cells, the boundary condition of each face, and the source of each population.
 
 use super::cut_links::HalfLinkCutMask;
 use super::grid::LatticeGrid;
@@ -28,18 +28,18 @@ impl FaceCondition {
     }
 }
 
-/// Grid and solid cells of the box, links that surfaces cut, and the conditions at its six faces.
+/// Grid and solid cells of the box, links cut by surfaces, and the conditions at its six faces.
 #[derive(Debug, Clone)]
 pub(super) struct Domain {
     pub grid: LatticeGrid,
     pub faces: [FaceCondition; 6],
     /// Whether each cell is solid, x fastest.
     pub solid: Vec<bool>,
-    /// Links that a surface cuts though it may hold no cell centre.
+    /// Links cut by a surface, even one that contains no cell centre.
     pub cuts: HalfLinkCutMask,
 }
 
-/// Where the population that arrives at a cell was before the streaming.
+/// Position, before the streaming, of a population that arrives at a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum PopulationSource {
     /// At the upstream neighbour: plain streaming.
@@ -92,12 +92,12 @@ impl Domain {
         self.cuts.is_cut(self.grid.cell_index(x), i) || far.is_some_and(|far| self.cuts.is_cut(far, opposite(i)))
     }
 
-    /// From where the population comes that arrives at the fluid cell `x` in direction `i`. A surface that cuts its
-    /// link takes precedence, then the conditions of faces in the order wall, periodic, slip, open. A population whose
-    /// source is then still outside, solid or behind a cut bounces back.
+    /// Source of the population that arrives at the fluid cell `x` in direction `i`. A surface that cuts its link takes
+    /// precedence, then the conditions of faces in the order wall, periodic, slip, open. If the source is then still outside,
+    /// solid or beyond a cut, the population bounces back.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn population_source(&self, x: [usize; 3], i: usize) -> PopulationSource {
-        // Streaming: the population that arrives in direction i was at x - c_i. Whatever lies there decides.
+        // Streaming: the population that arrives in direction i was at x - c_i. The node there determines the source.
         let upstream: [isize; 3] = std::array::from_fn(|a| x[a] as isize - VELOCITIES[i][a] as isize);
         let bounce_back = PopulationSource::Cell { direction: opposite(i), cell: x };
         // A surface cuts the link within the half that is nearer to x.
@@ -112,7 +112,7 @@ impl Domain {
         });
         if let Some(velocity) = walls.next() {
             let moves = velocity.iter().any(|v| v.abs() > 0.0);
-            // At an edge between a moving and a resting wall both count as resting, because mass would leak otherwise.
+            // At an edge between a moving and a resting wall both count as resting, because otherwise mass would leak.
             let is_wall = |f: &&usize| matches!(self.faces[**f], FaceCondition::Wall(_));
             let alone = outside.iter().flatten().filter(is_wall).count() == 1;
             return if moves && alone {
@@ -133,9 +133,9 @@ impl Domain {
         if self.faces_outside_of(node).iter().flatten().any(|f| self.faces[*f].is_open()) {
             return PopulationSource::Ghost { direction, position: node };
         }
-        // Inside: plain streaming, or the mirrored or wrapped cell. A solid there means halfway bounce-back: the wall
-        // lies midway, and the population returns to the cell it left, in the opposite direction. The same holds if the
-        // first half of its link is cut.
+        // Inside: plain streaming, or the mirrored or wrapped cell. If that is solid, halfway bounce-back applies: the wall lies
+        // midway, and the population returns to the cell that it left, in the opposite direction. The same holds if the first
+        // half of its link is cut.
         let is_free = |cell: [usize; 3]| {
             let c = self.grid.cell_index(cell);
             !self.solid[c] && !self.cuts.is_cut(c, direction)
@@ -159,7 +159,7 @@ impl Domain {
         self.solid[there] || self.cuts.is_cut(here, opposite(i)) || self.cuts.is_cut(there, i)
     }
 
-    /// Whether a surface cuts a link between this air cell and another: the cell lies beside a wall that may hold no cell.
+    /// Whether a surface cuts a link between this air cell and another: the cell is next to a wall that may contain no cell.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn is_beside_cut_link(&self, x: [usize; 3]) -> bool {
         (1..Q).any(|i| {

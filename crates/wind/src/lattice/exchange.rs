@@ -1,4 +1,4 @@
-//! Boundary exchange: moves populations to the halo slots from which cells beside walls, ground and open faces read.
+//! Boundary exchange: moves populations to the halo slots from which cells at walls, ground and open faces read.
 //!
 //! A step goes through the domain plane by plane. Before a plane is computed, populations that arrive at it from
 //! boundaries are scattered into the slots its cells read, or into [`RowHalo`] for the ends of rows; afterwards, those
@@ -10,8 +10,8 @@
 //!                                                                                                  ghosts are computed
 //! ```
 //!
-//! A plane's data come from the planes beside it, except across periodic faces in z: therefore two steps can follow each
-//! other through the domain one plane apart ([`super::stepper`]). Which population goes where is listed once, by
+//! The data of a plane come from the adjacent planes, except across periodic faces in z: therefore two steps can proceed through
+//! the domain one plane apart ([`super::stepper`]). The lists of source and destination of each population are built once, by
 //! [`super::exchange_builder`].
 
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub(super) struct StridedNodes {
     pub stride: u32,
 }
 
-/// Populations of a span of nodes, which lie side by side in a buffer.
+/// Populations of a span of nodes, which are contiguous in a buffer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SpanCopy {
     pub direction: u32,
@@ -68,7 +68,7 @@ pub(super) struct PlaneBoundaryRanges {
     pub columns: [Option<usize>; 2],
 }
 
-/// Which populations the boundaries exchange, found once.
+/// The populations that the boundaries exchange; the lists are built once.
 #[derive(Debug)]
 pub(super) struct ExchangeLists {
     pub grid: LatticeGrid,
@@ -96,7 +96,7 @@ pub(super) struct ExchangeBuffers {
     pub open_cells: OpenCellMoments,
 }
 
-/// Moments of the open cells, those before open faces.
+/// Moments of the open cells, which are adjacent to open faces.
 #[derive(Debug, Clone)]
 pub(super) struct OpenCellMoments {
     /// Density less 1, and velocity by component, cells per step.
@@ -110,19 +110,19 @@ pub(super) struct OpenCellMoments {
 pub(super) struct BoundaryExchange {
     pub lists: ExchangeLists,
     pub open_boundary: OpenBoundary,
-    /// Filled by the step before.
+    /// Buffers filled by the previous step.
     pub previous: ExchangeBuffers,
-    /// Filled by the step in progress (by the second, of two in one pass).
+    /// Buffers filled by the step in progress (by the second, of two in one pass).
     pub next: ExchangeBuffers,
-    /// Filled by the first of two steps in one pass.
+    /// Buffers filled by the first of two steps in one pass.
     pub intermediate: ExchangeBuffers,
     /// Ghost populations of a step, and of the second of two.
     pub ghost_populations: [Vec<f32>; 2],
-    /// Mean outward velocity before each outlet, cells per step, taken ahead of the last even step. It serves two steps,
-    /// so that these can share a pass.
+    /// Mean outward velocity before each outlet, cells per step, measured before the last even step. It is used for two steps, so
+    /// that these can share a pass.
     pub mean_outward_velocities: [f32; 6],
-    /// Per plane: square of the highest speed in the previous step, cells per step, with the values of solid cells
-    /// included; infinite if unknown. It selects the kernel with or without speed limit, which does not change results.
+    /// Per plane: square of the highest speed in the previous step, cells per step, including the values of solid cells; infinite
+    /// if unknown. It selects the kernel with or without speed limit, which does not change results.
     pub max_speed_squared: Vec<f32>,
 }
 
@@ -152,7 +152,7 @@ pub(super) struct IncomingPopulations<'a> {
     pub ghosts: BufferSlice<'a>,
 }
 
-/// The part of [`ExchangeBuffers`] that some planes fill.
+/// The part of [`ExchangeBuffers`] that a range of planes fills.
 #[derive(Debug)]
 pub(super) struct ExchangeOutput<'a> {
     pub populations: &'a mut [f32],
@@ -164,7 +164,7 @@ pub(super) struct ExchangeOutput<'a> {
     pub first_cell: usize,
 }
 
-/// Some planes of every population array.
+/// A range of planes of every population array.
 #[derive(Debug)]
 pub(super) struct PlaneSlices<'a> {
     pub arrays: Vec<&'a mut [f32]>,
@@ -186,7 +186,7 @@ impl StridedNodes {
     }
 }
 
-/// Copies numbers side by side to the nodes of a span.
+/// Copies contiguous numbers to the nodes of a span.
 fn scatter_strided(to: &mut [f32], span: StridedNodes, from: &[f32]) {
     // Single nodes and contiguous rows are the common cases, and avoid the strided loop.
     let from = &from[..to_usize(span.count)];
@@ -199,7 +199,7 @@ fn scatter_strided(to: &mut [f32], span: StridedNodes, from: &[f32]) {
     }
 }
 
-/// Copies the numbers of a span's nodes side by side, and adds `wall_momentum`.
+/// Copies the numbers of a span's nodes to contiguous elements, and adds `wall_momentum`.
 fn gather_from_span(to: &mut [f32], from: &[f32], span: StridedNodes, wall_momentum: f32) {
     let to = &mut to[..to_usize(span.count)];
     if span.count == 1 {
@@ -215,7 +215,8 @@ fn gather_from_span(to: &mut [f32], from: &[f32], span: StridedNodes, wall_momen
 }
 
 impl IncomingPopulations<'_> {
-    /// Scatters what arrives at the plane `z` from boundaries and ghost nodes; at the ends of its rows, into `halo`.
+    /// Scatters the populations that arrive at the plane `z` from boundaries and ghost nodes; at the ends of its rows, into
+    /// `halo`.
     pub(super) fn scatter_incoming(
         self,
         planes: &mut PlaneSlices<'_>,
@@ -226,7 +227,7 @@ impl IncomingPopulations<'_> {
         let Self { lists, .. } = self;
         let (links, slots) = (&lists.planes[z], lists.grid.incoming_slots(parity));
         let plane = planes.plane_start(&lists.grid, z);
-        // From the previous step's populations, then from ghost nodes: both lists are copied alike.
+        // Scatter the populations of the previous step, then those of ghost nodes; both lists are copied in the same way.
         let inner = (&lists.scatter[links.scatter.clone()], self.populations);
         for (copies, buffer) in [inner, (&lists.ghost_scatter[links.ghost_scatter.clone()], self.ghosts)] {
             for copy in copies {
@@ -259,8 +260,8 @@ impl IncomingPopulations<'_> {
         let Self { lists, .. } = self;
         let slots = lists.grid.outgoing_slots(parity);
         let plane = planes.plane_start(&lists.grid, z);
-        // After an even step populations lie in the opposite array, after an odd one downstream: `outgoing_slots`
-        // knows both.
+        // After an even step populations lie in the opposite array, after an odd one downstream: `outgoing_slots` covers both
+        // cases.
         for copy in &lists.gather[lists.planes[z].gather.clone()] {
             let slot = slots[to_usize(copy.direction)];
             let first = copy.span.first_element(slot, plane);
@@ -291,7 +292,7 @@ impl IncomingPopulations<'_> {
 }
 
 impl BoundaryExchange {
-    /// Fills the buffers of the step before from populations that were set from outside. `next`: parity of the next step.
+    /// Fills the buffers of the previous step from populations that were set from outside. `next`: parity of the next step.
     pub(super) fn rebuild_from_populations(&mut self, populations: &Populations, next: StepParity) {
         let arrays = populations.arrays();
         self.max_speed_squared.fill(f32::INFINITY);
@@ -330,7 +331,7 @@ impl BoundaryExchange {
         }
     }
 
-    /// State that does not follow from the populations: outflow means, highest speeds, and moments of the open cells.
+    /// State that cannot be computed from the populations: outflow means, highest speeds, and moments of the open cells.
     pub(super) fn checkpoint_values(&self) -> impl Iterator<Item = &f32> {
         let open_cells = &self.previous.open_cells;
         let cells = open_cells.moments.iter().flatten().chain(open_cells.populations.iter().flatten());
@@ -379,7 +380,7 @@ impl ExchangeBuffers {
         lists: &ExchangeLists,
         ranges: &[Range<usize>],
     ) -> Vec<ExchangeOutput<'_>> {
-        // Every list is ordered by plane, so that a range of planes owns one contiguous part of each buffer.
+        // Every list is ordered by plane, so that each range of planes has one contiguous part of each buffer.
         let buffers: Vec<_> =
             ranges.iter().map(|r| range_over_planes(&lists.planes[r.clone()], |p| &p.buffer)).collect();
         let cells: Vec<_> =
@@ -421,7 +422,7 @@ fn range_over_planes(
 /// Disjoint parts of a slice, in ascending order; empty ranges may lie anywhere.
 pub(super) fn split_at_ranges<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
     let (mut split, mut at) = (Vec::with_capacity(ranges.len()), 0);
-    // Cut off what lies before the range, then the range itself; empty ranges take nothing.
+    // Cut off the part before the range, then the range itself; an empty range cuts off nothing.
     for range in ranges {
         if range.is_empty() {
             split.push(&mut [][..]);

@@ -1,4 +1,4 @@
-//! Builds the lists of the boundary exchange: which populations go where, joined to spans.
+//! Builds the lists of the boundary exchange: source and destination of each population, joined to spans.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -47,7 +47,7 @@ struct GhostLink {
     incoming: usize,
     to: PlaneNode,
     ghost: usize,
-    /// Direction in which the ghost sends it; another than `incoming` after a reflection.
+    /// Direction in which the ghost sends it; differs from `incoming` after a reflection.
     sent: usize,
 }
 
@@ -64,7 +64,7 @@ struct ExchangeBuilder<'a> {
     nearest: Vec<[usize; 3]>,
 }
 
-/// The exchange of a domain's boundaries. `nonequilibrium`: outlets pass on the non-equilibrium part too.
+/// The exchange of a domain's boundaries. `nonequilibrium`: outlets also pass on the non-equilibrium part.
 /// # Errors
 /// `Limit` for more nodes than an index of 32 bits counts.
 pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<BoundaryExchange> {
@@ -76,7 +76,7 @@ pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<Bo
         ghost_links: Vec::new(),
         nearest: Vec::new(),
     };
-    // In the order plane, direction, row, cell: links of consecutive cells then join to long spans.
+    // Visit links in the order plane, direction, row, cell, so that links of consecutive cells join to long spans.
     let n = domain.grid.n;
     for z in 0..n[2] {
         for i in 1..Q {
@@ -130,7 +130,7 @@ impl ExchangeBuilder<'_> {
     /// Adds a link, or extends the last run by it if both of its nodes continue the run at the same stride.
     fn append_or_extend_link(&mut self, one: RunLink) {
         let row = self.domain.grid.row_stride;
-        // A run has one pair of directions and one stride for all of its links, and no momentum of a wall.
+        // All links of a run have the same pair of directions and the same stride, and none has the momentum of a moving wall.
         if let Some(last) = self.links.last_mut() {
             let alike = (last.incoming, last.outgoing, last.halo_index.is_some())
                 == (one.incoming, one.outgoing, one.halo_index.is_some())
@@ -162,7 +162,7 @@ impl ExchangeBuilder<'_> {
         };
         let nearest = self.domain.nearest_cell(position);
         let number = self.ghosts.len();
-        // Nodes beyond an edge or corner belong to no single face and do not count for flux balances.
+        // Nodes beyond an edge or corner belong to no single face and are excluded from flux balances.
         let mut beyond = faces.iter().flatten().map(|f| f.0);
         let face = beyond.next().filter(|_| beyond.next().is_none());
         let outward = std::array::from_fn(|a| side(&faces[a]));
@@ -175,8 +175,8 @@ impl ExchangeBuilder<'_> {
 
     fn build(mut self, nonequilibrium: bool) -> Result<BoundaryExchange> {
         let grid = self.domain.grid;
-        // Every population that crosses a boundary has one place in a buffer, between the step that leaves it and the
-        // one that reads it.
+        // Every population that crosses a boundary has one position in a buffer, between the step that writes it and the step
+        // that reads it.
         let mut planes = vec![PlaneBoundaryRanges::default(); grid.n[2]];
         // Gather in the order of the planes that populations leave ...
         let mut order: Vec<usize> = (0..self.links.len()).collect();
@@ -261,7 +261,7 @@ impl ExchangeBuilder<'_> {
         Ok((boundary, slots))
     }
 
-    /// Copies of ghost populations to slots and to the row halo, joined where nodes and buffer indices follow.
+    /// Copies of ghost populations to slots and to the row halo, joined where nodes and buffer indices are consecutive.
     fn build_ghost_scatter(
         &self,
         slots: &[GhostSlots],
@@ -271,7 +271,7 @@ impl ExchangeBuilder<'_> {
         let (mut scatter, mut halo): (Vec<SpanCopy>, Vec<RowHaloCopy>) = (Vec::new(), Vec::new());
         let mut last: Option<PlaneNode> = None;
         for GhostLink { incoming, to, ghost, sent } in &self.ghost_links {
-            // A population that arrives at the end of a row goes to the row halo, consecutive ones in one copy.
+            // A population that arrives at the end of a row goes to the row halo; consecutive ones share a copy.
             let at = slots[*ghost].buffer_index_of(*sent);
             let cell = [to.element % grid.row_stride, to.element / grid.row_stride];
             if let Some(halo_index) = RowHalo::halo_index_of(grid, *incoming, cell) {
@@ -316,13 +316,13 @@ impl ExchangeBuilder<'_> {
         Ok(StridedNodes { first, count: checked_u32(run.count)?, stride: checked_u32(run.stride)? })
     }
 
-    /// The end of its row at which a cell lies, if the face there is open: then the whole column counts as open cells.
+    /// The end of its row at which a cell lies, if the face there is open: then the whole column consists of open cells.
     fn open_row_end_of(&self, x: usize) -> Option<usize> {
         let ends = [0, self.domain.grid.n[0] - 1];
         (0..2).find(|end| x == ends[*end] && self.domain.faces[*end].is_open())
     }
 
-    /// Numbers the open cells plane by plane and notes each ghost's. Returns the spans of those that are not in columns
+    /// Numbers the open cells plane by plane and records that of each ghost. Returns the spans of those that are not in columns
     /// at the ends of rows.
     fn number_open_cells(&mut self, planes: &mut [PlaneBoundaryRanges]) -> Result<Vec<StridedNodes>> {
         let [_, rows, _] = self.domain.grid.n;
@@ -358,7 +358,7 @@ impl ExchangeBuilder<'_> {
                 runs.push(NodeRun { first: node, count: 1, stride: 1 });
             }
         }
-        // Each ghost node reads the moments of its nearest cell under this number.
+        // Each ghost node reads the moments of its nearest cell by this number.
         for k in 0..self.ghosts.len() {
             let cell = self.nearest[k];
             self.ghosts[k].open_cell = match self.open_row_end_of(cell[0]).and_then(|end| planes[cell[2]].columns[end])
@@ -372,7 +372,7 @@ impl ExchangeBuilder<'_> {
 }
 
 impl NodeRun {
-    /// The stride at which a node continues the run, along the row or across rows of its plane; none if it does not.
+    /// The stride at which a node continues the run, along the row or across rows of its plane; `None` if it does not.
     fn stride_to_next(self, next: PlaneNode, row_stride: usize) -> Option<usize> {
         let step = next.element.checked_sub(self.first.element + (self.count - 1) * self.stride)?;
         let good = next.plane == self.first.plane && (step == 1 || step == row_stride);
@@ -388,8 +388,7 @@ fn extend_range(range: &mut Range<usize>, at: usize, count: usize) {
     range.end += count;
 }
 
-/// Moves the start of each empty range to the end of the ranges of earlier planes, so that ranges of planes can be
-/// split in order.
+/// Sets the start of each empty range to the end of the ranges of earlier planes, so that ranges of planes can be split in order.
 fn position_empty_ranges(planes: &mut [PlaneBoundaryRanges]) {
     let mut ends = [0; 8];
     for p in planes {

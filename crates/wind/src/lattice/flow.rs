@@ -17,14 +17,14 @@ use osier_base::math::narrow;
 use osier_base::par;
 use osier_base::simd::F32Lanes;
 
-/// Populations of a flow after a number of steps, with all that the next step reads.
+/// Populations of a flow after a number of steps, with all data that the next step reads.
 #[derive(Debug)]
 pub(super) struct FlowState {
     pub domain: Domain,
     pub tables: StepTables,
     pub exchange: BoundaryExchange,
     pub populations: Populations,
-    /// Time steps done since rest.
+    /// Number of time steps since rest.
     pub step: u64,
 }
 
@@ -54,8 +54,8 @@ impl FlowState {
         self.domain.faces = faces;
         let (nonequilibrium, mean_outward_velocities) =
             (self.exchange.lists.nonequilibrium, self.exchange.mean_outward_velocities);
-        // Which populations cross boundaries depends on the faces: rebuild the lists, and fill their buffers from the
-        // populations, which stay.
+        // The faces determine which populations cross boundaries: rebuild the lists, and fill their buffers from the populations,
+        // which do not change.
         self.exchange = build_exchange(&self.domain, nonequilibrium)?;
         self.exchange.mean_outward_velocities = mean_outward_velocities;
         self.exchange.rebuild_from_populations(&self.populations, self.next_parity());
@@ -74,7 +74,7 @@ impl FlowState {
     }
 
     /// Advances by one step, or by an even step and the odd one after it in one pass over memory, which gives the same
-    /// populations. `second`: inputs of the odd step; `snapshot`: where the moments of the last step are written.
+    /// populations. `second`: inputs of the odd step; `snapshot`: destination of the moments of the last step.
     pub(super) fn advance_one_or_two_steps(
         &mut self,
         first: BoundaryInputs<'_>,
@@ -87,11 +87,11 @@ impl FlowState {
         context.run_pass(&mut self.populations, &mut self.exchange, snapshot)
     }
 
-    /// Adds a velocity to each layer of cells, `layers` by y, between two steps. Solid cells get it too, but boundary
-    /// exchange never reads them.
+    /// Adds a velocity to each layer of cells, `layers` by y, between two steps. It is also added to solid cells, which boundary
+    /// exchange never reads.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn add_layer_velocities(&mut self, layers: &[LayerVelocityIncrement]) {
-        // Every population of a layer gets the same increment, which depends on direction and height only.
+        // Every population of a layer gets the same increment, which depends only on direction and height.
         let (grid, parity) = (self.domain.grid, self.next_parity());
         let mut arrays: Vec<_> = self.populations.arrays_mut().into_iter().enumerate().collect();
         par::par_each(&mut arrays, |(k, array)| {
@@ -129,7 +129,7 @@ impl FlowState {
         moments(&self.outgoing_populations(cell))
     }
 
-    /// The air cell with the highest speed; the first of several.
+    /// The air cell with the highest speed; of several the first.
     pub(super) fn fastest_cell(&self) -> [usize; 3] {
         let n = self.domain.grid.n;
         let mut fastest = ([0; 3], -1.0);
@@ -143,7 +143,7 @@ impl FlowState {
         fastest.0
     }
 
-    /// Reads density and checkerboard of every cell without doing a step.
+    /// Computes density and checkerboard of every cell without a step.
     pub(super) fn diagnose(&self) -> FlowDiagnostics {
         let mut planes: Vec<_> = (0..self.domain.grid.n[2]).map(|z| (z, None)).collect();
         self.compute_plane_moments(&mut planes)

@@ -12,7 +12,7 @@
 //! odd step    slot (opp i, x - c_i)            ->   slot (i, x + c_i)        collision and two streamings
 //! ```
 //!
-//! The output of each is the input of the other, and either step writes exactly the slots it reads: nodes can be updated in
+//! The output of each is the input of the other, and either step writes exactly the slots that it reads: nodes can be updated in
 //! any order, by several threads, without a second copy.
 
 use super::stencil::{Q, VELOCITIES, opposite};
@@ -20,8 +20,8 @@ use osier_base::Result;
 
 /// Nodes per block: the widest SIMD register, and one cache line of `f32`. Planes are computed in whole blocks.
 pub(super) const BLOCK: usize = 16;
-/// Each array starts this many elements later within a page than the one before. Without the skew the fifteen streams of
-/// a step map to the same cache sets and evict each other.
+/// Offset within a page, in elements, between the starts of successive arrays. Without this skew the fifteen streams of a step
+/// map to the same cache sets and evict each other.
 const ARRAY_SKEW: usize = 5 * BLOCK;
 /// Elements of a 4 KiB page.
 const PAGE_ELEMENTS: usize = 1024;
@@ -31,22 +31,22 @@ const PAGE_ELEMENTS: usize = 1024;
 pub(super) struct LatticeGrid {
     /// Cells along x, y, z.
     pub n: [usize; 3],
-    /// Elements from a row to the next.
+    /// Distance of successive rows, elements.
     pub row_stride: usize,
-    /// Elements from a plane of constant z to the next.
+    /// Distance of successive planes of constant z, elements.
     pub plane_stride: usize,
     /// Offset of a plane's first cell within the plane.
     pub first_cell: usize,
-    /// Elements from an array to the next.
+    /// Distance of successive arrays, elements.
     pub array_stride: usize,
 }
 
-/// Which half of the AA pattern comes next.
+/// The half of the AA pattern that comes next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum StepParity {
-    /// Populations lie at the node they arrive at.
+    /// Populations lie at the node at which they arrive.
     Even,
-    /// Populations lie at the node they left, in the slot of the opposite direction.
+    /// Populations lie at the node that they left, in the slot of the opposite direction.
     Odd,
 }
 
@@ -95,15 +95,15 @@ impl LatticeGrid {
         x + self.n[0] * (y + self.n[1] * z)
     }
 
-    /// Element of a node in every array; coordinates run from -1 to n.
+    /// Element of a node in every array; coordinates range from -1 to n.
     #[allow(clippy::cast_sign_loss, clippy::cast_possible_wrap, reason = "from -1 on, below the sizes")]
     pub(super) fn node_element(&self, [x, y, z]: [isize; 3]) -> usize {
-        // Element of the node (-1, -1, -1); from there rows and planes follow at constant strides.
+        // Element of the node (-1, -1, -1), from which rows and planes follow at constant strides.
         let before_halo = self.first_cell - self.row_stride - 1;
         before_halo + (x + 1) as usize + self.row_stride * (y + 1) as usize + self.plane_stride * (z + 1) as usize
     }
 
-    /// Elements from a node to its neighbour in direction `i`.
+    /// Offset from a node to its neighbour in direction `i`, elements.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn velocity_offset(&self, i: usize) -> isize {
         let c = VELOCITIES[i].map(|c| c as isize);
@@ -129,20 +129,20 @@ impl LatticeGrid {
         if parity == StepParity::Odd { self.velocity_offset(k) } else { 0 }
     }
 
-    /// By direction: the slot from which a step of this parity reads what arrives at a node.
+    /// By direction: the slot from which a step of this parity reads the population that arrives at a node.
     pub(super) fn incoming_slots(&self, parity: StepParity) -> DirectionSlots {
-        // AA pattern: an even step finds population i at home; an odd step finds it in the opposite array, one node
-        // upstream.
+        // AA pattern: an even step reads population i from array i of the node; an odd step reads it from the opposite array, one
+        // node upstream.
         std::array::from_fn(|i| {
             let array = if parity == StepParity::Odd { opposite(i) } else { i };
             Slot { array, offset: self.slot_offset(parity, array) }
         })
     }
 
-    /// By direction: the slot into which a step of this parity writes what leaves a node.
+    /// By direction: the slot to which a step of this parity writes the population that leaves a node.
     pub(super) fn outgoing_slots(&self, parity: StepParity) -> DirectionSlots {
-        // The converse of reading: an even step leaves population i in the opposite array, an odd step writes it one
-        // node downstream.
+        // The converse of reading: an even step writes population i to the opposite array, an odd step writes it one node
+        // downstream.
         std::array::from_fn(|i| {
             let array = if parity == StepParity::Odd { i } else { opposite(i) };
             Slot { array, offset: self.slot_offset(parity, array) }
@@ -150,7 +150,7 @@ impl LatticeGrid {
     }
 }
 
-/// Where a step finds a population: the array, and the offset from the node's element.
+/// Position of a population: the array, and the offset from the node's element.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slot {
     pub array: usize,
@@ -181,7 +181,7 @@ impl std::fmt::Debug for Populations {
 fn allocate_zeroed(elements: usize) -> Result<PopulationMemory> {
     let out_of_memory = |e| osier_base::Error::io("allocate memory for", "the lattice wind", e);
     let memory = memmap2::MmapMut::map_anon(elements * 4).map_err(out_of_memory)?;
-    // Only advice: a system without huge pages refuses it.
+    // This is only advice; a system without huge pages refuses it.
     let _ = memory.advise(memmap2::Advice::HugePage);
     Ok(memory)
 }

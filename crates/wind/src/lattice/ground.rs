@@ -45,8 +45,8 @@ impl GroundModel {
         height: f64,
         cells: usize,
     ) -> Self {
-        // Friction velocity u* = kappa u / ln((y + z0)/z0); eddy viscosity kappa u* (y + z0), which fades to 0 where the
-        // lattice resolves the eddies itself. tau = tau_0 + 3 nu.
+        // Friction velocity u* = kappa u / ln((y + z0)/z0); eddy viscosity kappa u* (y + z0), which fades to 0 where the lattice
+        // itself resolves the eddies. tau = tau_0 + 3 nu.
         let friction = KARMAN * speed / ln((height + roughness) / roughness);
         let layer = mixing_layer_cells(height, cells as f64);
         let viscosity = |y: f64| KARMAN * friction * (y + roughness) * (1.0 - y / layer).max(0.0);
@@ -59,9 +59,8 @@ impl GroundModel {
         let profile = |y: f64| (4.0 * (y + roughness) * (1.0 - y / top) / top).min(1.0);
         let sponge_profile = (0..cells).map(|y| narrow(profile(y as f64 + 0.5))).collect();
         let sponge_drag = (1.0 - tau).max(0.0) * 4.0 / (3.0 * top * KARMAN * friction).max(f64::MIN_POSITIVE);
-        // Momentum flux from the second cells into the lowest, in units of u*^2 (mixing length plus Smagorinsky); nearly 1.
-        // The drag is this flux divided by the square of the lowest cells' speed, so that the profile is a discrete
-        // steady state.
+        // Momentum flux from the second cells into the lowest, in units of u*^2 (mixing length plus Smagorinsky); nearly 1. The
+        // drag is this flux divided by the square of the lowest cells' speed, so that the profile is a discrete steady state.
         let [low, second] = [0.5, 1.5].map(|y: f64| ln((y + roughness) / roughness) / KARMAN);
         let slope = second - low;
         let flux = KARMAN * (1.0 + roughness) * (1.0 - 1.0 / layer) * slope + smagorinsky * smagorinsky * slope * slope;
@@ -99,7 +98,7 @@ pub(super) fn apply_wall_stress<L: Lane>(g: &mut [L; Q], drag: L, sponge_drag: L
     let (drho, u) = super::collide::moments(g);
     let one = drag.splat(1.0);
     let rate = drag * u[0].mul_add(u[0], u[2] * u[2]).sqrt();
-    // Implicit, rate/(1 + rate): never more momentum than there is, however rough the ground.
+    // Implicit, rate/(1 + rate): the loss never exceeds the momentum, for any roughness of the ground.
     let share = (drag.splat(0.25) * (one + drho) * rate).div(one + rate);
     let (plus, minus) = (share * (u[0] + u[2]), share * (u[0] - u[2]));
     // Directions (1,1,1), (1,1,-1), (-1,1,-1), (-1,1,1): their changes cancel in density and in y.
@@ -109,7 +108,7 @@ pub(super) fn apply_wall_stress<L: Lane>(g: &mut [L; Q], drag: L, sponge_drag: L
     g[13] = g[13] + minus;
 }
 
-/// Non-equilibrium part of direction `i` in a wind that grows with height; without it an inlet's profile arrives as if
+/// Non-equilibrium part of direction `i` in a wind that increases with height; without it an inlet's profile arrives as if
 /// relaxed with tau = 1. `shear`: along x and z, [`shear_coefficient`] times the wind's direction.
 /// Source: own; first order of Chapman and Enskog, (1 - tau) 3 w_i c_iy (c_ix du_x/dy + c_iz du_z/dy).
 #[inline(always)]

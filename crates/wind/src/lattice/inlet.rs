@@ -35,7 +35,7 @@ pub enum WindProfile {
 /// Mean wind, gusts, turbulence and seed of an [`InletWind`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct InletOptions {
-    /// Horizontal unit vector that the wind blows towards.
+    /// Horizontal unit vector towards which the wind blows.
     pub direction: DVec3,
     /// Mean speed at the reference height, m/s.
     pub speed: f64,
@@ -47,7 +47,7 @@ pub struct InletOptions {
     pub direction_curve: Vec<[f64; 2]>,
     /// Factor on the mean speed by height above the ground.
     pub profile: WindProfile,
-    /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is lower.
+    /// Height at which the speed is `speed`, m; `None` for 10 m, or for the height of the box if that is lower.
     pub reference_height: Option<f64>,
     /// Standard deviation of gusts divided by the mean speed.
     pub gust_strength: f64,
@@ -55,18 +55,18 @@ pub struct InletOptions {
     pub gust_period: f64,
     /// Turbulence intensity: standard deviation of each component divided by the mean speed.
     pub turbulence: f64,
-    /// Longest wavelength of the turbulence, m; none for twice the reference height, at most the height of the box.
+    /// Longest wavelength of the turbulence, m; `None` for twice the reference height, at most the height of the box.
     pub turbulence_length: Option<f64>,
-    /// Number of Fourier modes that make the turbulence.
+    /// Number of Fourier modes of the turbulence.
     pub turbulence_modes: u32,
     /// Seed of gusts and turbulence.
     pub seed: u64,
 }
 
-/// Most values of the gust process that are kept: some hours of short gusts.
+/// Largest number of stored values of the gust process: some hours of short gusts.
 const MOST_GUST_VALUES: usize = 1 << 20;
 
-/// Number of inlet nodes for which all modes are summed before the next nodes: their velocities stay in the L1 cache.
+/// Number of inlet nodes for which all modes are summed before the next nodes, so that their velocities stay in the L1 cache.
 const NODE_BLOCK: usize = 1024;
 
 /// One Fourier mode of the turbulence: e cos(k . x + phase).
@@ -81,7 +81,7 @@ struct FourierMode {
 }
 
 /// Undisturbed inflow: u = gust(t) U p(y) d + u'(x - int U d dt), with profile p, direction d and turbulence u' that the mean
-/// carries along (Taylor's frozen turbulence). As a wind field of its own it has no wakes.
+/// wind advects (Taylor's frozen turbulence). Used alone as a wind field, it has no wakes.
 /// Source: own, after Kraichnan's random Fourier modes; \[catkin\] names no inlet.
 /// ```
 /// use glam::DVec3;
@@ -95,22 +95,22 @@ struct FourierMode {
 #[derive(Debug, Clone)]
 pub struct InletWind {
     options: InletOptions,
-    /// Lowest corner of the box, m, whose bottom is the ground where no land rises above it.
+    /// Lowest corner of the box, m; its bottom is the ground where no land rises above it.
     origin: DVec3,
-    /// Terrain in the box; heights of the profile count from it.
+    /// Terrain in the box, from which heights of the profile are measured.
     land: Option<Arc<LandForm>>,
-    /// Spacing of the lattice, m: waves shorter than six cells are left out.
+    /// Spacing of the lattice, m: waves shorter than six cells are omitted.
     spacing: f64,
-    /// Height at which the mean speed holds, m.
+    /// Height at which the mean speed applies, m.
     reference_height: f64,
     /// Longest wavelength of the turbulence, m.
     turbulence_length: f64,
-    /// Modes whose wavelengths the cells can carry.
+    /// Modes whose wavelengths the cells can resolve.
     modes: Vec<FourierMode>,
     /// As [`InletWind::carried_turbulence`].
     carried_turbulence: f64,
-    /// Values of the gust process by tick, computed on demand. A value takes some hundred draws, and many positions and
-    /// times ask for the same ones. Clones, which have the same process, share it.
+    /// Values of the gust process by tick, computed on demand. A value takes some hundred draws, and many positions and times
+    /// need the same values. Clones share it, because they have the same process.
     gusts: Arc<RwLock<BTreeMap<i64, f64>>>,
 }
 
@@ -118,17 +118,17 @@ pub struct InletWind {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct InletState {
     direction: DVec3,
-    /// Factor on the mean speed, the speed curve included.
+    /// Factor on the mean speed, including the speed curve.
     gust: f64,
-    /// Distance that the mean wind has carried the air since 0 s, m.
+    /// Displacement of the air by the mean wind since 0 s, m.
     displacement: DVec3,
     /// Value of the speed curve divided by its maximum; 1 without a curve.
     speed_factor: f64,
 }
 
 impl InletWind {
-    /// Draws the turbulence modes. `origin`: lowest corner of the box, m; `spacing`: edge of a cell, m; `cells`: cells of the box
-    /// along each axis; `periodic`: axes whose faces are periodic, along which the turbulence must repeat.
+    /// Draws the turbulence modes. `origin`: lowest corner of the box, m; `spacing`: edge of a cell, m; `cells`: number of cells
+    /// of the box along each axis; `periodic`: axes whose faces are periodic, along which the turbulence must repeat.
     pub fn new(options: InletOptions, origin: DVec3, spacing: f64, cells: [u32; 3], periodic: [bool; 3]) -> Self {
         let size = DVec3::from_array(cells.map(f64::from)) * spacing;
         let reference_height = options.reference_height.unwrap_or(size.y.min(10.0));
@@ -153,20 +153,20 @@ impl InletWind {
         self.turbulence_length
     }
 
-    /// Root mean square of the turbulence that the cells carry, divided by that of all turbulence, 0 to 1: waves
-    /// shorter than six cells are left out.
+    /// Root mean square of the turbulence that the cells resolve, divided by that of all turbulence, 0 to 1: waves shorter than
+    /// six cells are omitted.
     pub fn carried_turbulence(&self) -> f64 {
         self.carried_turbulence
     }
 
-    /// The same inflow over terrain, from whose surface the heights of the profile count.
+    /// The same inflow over terrain, from whose surface the heights of the profile are measured.
     #[must_use]
     pub fn over_land(self, land: Option<Arc<LandForm>>) -> Self {
         Self { land, ..self }
     }
 
-    /// Height of the ground at a position above the bottom of the box, m; 0 without terrain, and where terrain is
-    /// lower.
+    /// Height of the ground at a position above the bottom of the box, m; 0 without terrain, and where terrain is lower than the
+    /// bottom.
     fn ground_height(&self, position: DVec3) -> f64 {
         self.land.as_ref().map_or(0.0, |land| {
             let [x, z] = [position.x, position.z].map(narrow);
@@ -181,7 +181,7 @@ impl InletWind {
     /// Mean speed at a height above the ground, m, divided by that at the reference height.
     pub fn profile(&self, height: f64) -> f64 {
         let y = height.max(0.0);
-        // Divide by the value at the reference height, so that `speed` is the speed there whatever the profile.
+        // Divide by the value at the reference height, so that `speed` is the speed there for any profile.
         match &self.options.profile {
             WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference_height + z0) / z0),
             WindProfile::Power(a) => pow(y / self.reference_height, *a),
@@ -190,7 +190,7 @@ impl InletWind {
         }
     }
 
-    /// Derivative of [`InletWind::profile`], 1/m, by a central difference of a quarter cell; 0 where that would reach
+    /// Derivative of [`InletWind::profile`], 1/m, by a central difference of a quarter cell; 0 where the difference would extend
     /// below the ground.
     fn profile_slope(&self, height: f64) -> f64 {
         let step = self.spacing / 8.0;
@@ -207,7 +207,7 @@ impl InletWind {
         shear_coefficient(tau, self.options.speed * self.profile_slope(height) * self.spacing)
     }
 
-    /// Horizontal unit vector that the wind blows towards at time `t`, s.
+    /// Horizontal unit vector towards which the wind blows at time `t`, s.
     pub(super) fn direction(&self, t: f64) -> DVec3 {
         direction_at(&self.options, t)
     }
@@ -222,9 +222,9 @@ impl InletWind {
         (self.options.speed * dt / self.spacing, self.reference_height / self.spacing)
     }
 
-    /// Largest speed of mean and gusts up to a height above the ground, m, in m/s; turbulence comes on top.
+    /// Largest speed of mean and gusts up to a height above the ground, m, in m/s; turbulence is added to it.
     pub fn peak_speed(&self, height: f64) -> f64 {
-        // Sample the profile at equidistant heights, and at the rows of a table, which may peak between these heights.
+        // Sample the profile at equidistant heights, and at the rows of a table, whose maximum may lie between these heights.
         let steps = 64;
         let fastest = (0..=steps).map(|i| self.profile(height * f64::from(i) / f64::from(steps))).fold(0.0, f64::max);
         let rows: &[[f64; 2]] = if let WindProfile::Table(rows) = &self.options.profile { rows } else { &[] };
@@ -241,10 +241,10 @@ impl InletWind {
         }
     }
 
-    /// Distance that the mean wind has carried the air between 0 s and `t`, m: int U d dt.
+    /// Displacement of the air by the mean wind between 0 s and `t`, m: int U d dt.
     fn mean_displacement(&self, t: f64) -> DVec3 {
         let o = &self.options;
-        // Between the rows of both curves speed and angle are linear: integrate from row to row, from 0 to t.
+        // Speed and angle are linear between the rows of both curves: integrate from row to row, from 0 to t.
         let mut times: Vec<f64> =
             [0.0, t].into_iter().chain(o.speed_curve.iter().chain(&o.direction_curve).map(|row| row[0])).collect();
         times.retain(|time| *time * (*time - t) <= 0.0);
@@ -253,8 +253,8 @@ impl InletWind {
         if t < 0.0 { -sum } else { sum }
     }
 
-    /// Displacement between two times, s, as in [`Self::mean_displacement`], while speed and angle are linear, by the
-    /// composite Simpson's rule with at most [`TURN_PER_INTERVAL`] of turn per interval.
+    /// Displacement between two times, s, as in [`Self::mean_displacement`], for linear speed and angle, by the composite
+    /// Simpson's rule with at most [`TURN_PER_INTERVAL`] of turn per interval.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred intervals")]
     fn integrate_displacement(&self, from: f64, to: f64) -> DVec3 {
         let velocity = |t: f64| self.direction(t) * (self.options.speed * self.speed_factor(t));
@@ -285,8 +285,8 @@ impl InletWind {
         if self.options.gust_strength <= 0.0 {
             return self.speed_factor(t);
         }
-        // Between ticks, of which there are GUST_TICKS per correlation time, the process is interpolated linearly, then clamped, so
-        // that `peak_speed` is a bound.
+        // Between ticks, of which there are GUST_TICKS per correlation time, the process is interpolated linearly, then clamped,
+        // so that `peak_speed` is a bound.
         let ticks = t * GUST_TICKS / self.options.gust_period;
         let (tick, fraction) = (ticks.floor() as i64, ticks - ticks.floor());
         let (a, b) = (self.gust_process_at_tick(tick), self.gust_process_at_tick(tick + 1));
@@ -312,8 +312,8 @@ impl InletWind {
     /// sqrt(1 - r^2) sum_j r^j n(tick - j) of normal draws n, cut off after [`GUST_MEMORY`] correlation times.
     #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
     fn compute_gust_process(&self, tick: i64) -> f64 {
-        // An AR(1) process as a finite moving average: stateless, so that any frame can be computed without those
-        // before it.
+        // An AR(1) process as a finite moving average is stateless, so that any frame can be computed without the frames before
+        // it.
         let decay = exp(-1.0 / GUST_TICKS);
         let (mut sum, mut weight) = (0.0, sqrt(1.0 - decay * decay));
         for age in 0..(GUST_MEMORY * GUST_TICKS) as i64 {
@@ -324,13 +324,13 @@ impl InletWind {
         sum
     }
 
-    /// Share of the turbulence at a height above the ground, m: 0 at the ground, 1 from [`TURBULENCE_FULL_HEIGHT`] longest
-    /// wavelengths on.
+    /// Share of the turbulence at a height above the ground, m: 0 at the ground, 1 above [`TURBULENCE_FULL_HEIGHT`] longest
+    /// wavelengths.
     pub(super) fn turbulence_envelope(&self, height: f64) -> f64 {
         (height / (TURBULENCE_FULL_HEIGHT * self.turbulence_length)).clamp(0.0, 1.0)
     }
 
-    /// Mean speed at a height above the ground, m, in m/s. `gust`: factor on it.
+    /// Mean speed at a height above the ground, m, in m/s. `gust`: factor on the speed.
     pub(super) fn speed_at(&self, height: f64, gust: f64) -> f64 {
         self.options.speed * gust * self.profile(height)
     }
@@ -352,7 +352,7 @@ impl InletWind {
         if height < 0.0 {
             return DVec3::ZERO;
         }
-        // Frozen turbulence: evaluate the modes where the air of this position was at 0 s.
+        // Frozen turbulence: evaluate the modes at the position that the air here had at 0 s.
         let upstream = offset - state.displacement;
         let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(upstream) + m.phase)).sum();
         state.direction * self.speed_at(height, state.gust)
@@ -399,7 +399,7 @@ fn direction_angle(options: &InletOptions, t: f64) -> f64 {
     interpolate(&options.direction_curve, t).unwrap_or(0.0)
 }
 
-/// Horizontal unit vector that the wind blows towards at time `t`, s.
+/// Horizontal unit vector towards which the wind blows at time `t`, s.
 pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
     let d = options.direction;
     if options.direction_curve.is_empty() {
@@ -411,9 +411,9 @@ pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
     DVec3::new(d.x * c + d.z * s, 0.0, d.z * c - d.x * s)
 }
 
-/// Draws the modes of isotropic turbulence whose spectrum falls as in the inertial range, down from wavelengths of `longest` m.
-/// The set of modes does not depend on the size of the cells; modes too short for cells of `spacing` m are then left
-/// out. Also returns the root mean square of the remaining modes divided by that of all. `size`: of the box, m.
+/// Draws the modes of isotropic turbulence whose spectrum decreases as in the inertial range, for wavelengths of `longest` m and
+/// less. The set of modes does not depend on the size of the cells; modes too short for cells of `spacing` m are omitted from it.
+/// Also returns the root mean square of the remaining modes divided by that of all. `size`: size of the box, m.
 fn fourier_modes(
     options: &InletOptions,
     longest: f64,
@@ -426,7 +426,7 @@ fn fourier_modes(
     }
     let shortest = TURBULENCE_RANGE * longest;
     let count = f64::from(options.turbulence_modes);
-    // One wavelength at random in each of `count` equal intervals of the logarithm, so that no scale is left out.
+    // Draw one wavelength in each of `count` equal intervals of the logarithm, so that all scales are represented.
     let lengths: Vec<f64> = (0..options.turbulence_modes)
         .map(|m| {
             let exponent = (f64::from(m) + mode_rng(options.seed, m, "length").unit_f64()) / count;
@@ -453,8 +453,8 @@ fn mode_rng(seed: u64, m: u32, property: &str) -> Rng {
     Rng::at(seed, &["wind".into(), "mode".into(), m.into(), property.into()])
 }
 
-/// Draws mode `m` of a wavelength `length`, m. `amplitude`: of a mode of 1 m wavelength, m/s; `size`: of the box, m; `periodic`: axes
-/// along which it must repeat.
+/// Draws mode `m` of wavelength `length`, m. `amplitude`: amplitude of a mode of 1 m wavelength, m/s; `size`: size of the box, m;
+/// `periodic`: axes along which it must repeat.
 fn fourier_mode(
     options: &InletOptions,
     m: u32,
@@ -501,13 +501,13 @@ fn random_direction(rng: &mut Rng) -> DVec3 {
 pub(super) struct InletNode {
     /// Centre of the node in the world, m.
     pub position: DVec3,
-    /// Height of the ground before the face, over the bottom of the box, m.
+    /// Height of the ground before the face above the bottom of the box, m.
     pub ground: f64,
 }
 
-/// Inflow at every inlet node, prepared so that a step needs no trigonometry per node:
-/// cos(k . x + phase - k . s) = cos(k . x + phase) cos(k . s) + sin(k . x + phase) sin(k . s), where the first factors depend
-/// on the node x only and the second on the displacement s of the step only.
+/// Inflow at every inlet node, precomputed so that a step needs no trigonometry per node: cos(k . x + phase - k . s) = cos(k . x
+/// + phase) cos(k . s) + sin(k . x + phase) sin(k . s), where the first factors depend only on the node x and the second ones
+/// only on the displacement s of the step.
 #[derive(Debug)]
 pub(super) struct InletNodes {
     /// Mean speed, cells per step.
@@ -527,14 +527,14 @@ pub(super) struct InletStep {
     pub ramp: f64,
     /// Factor on the mean wind: gust times ramp.
     pub mean_factor: f32,
-    /// Unit vector that the wind blows towards.
+    /// Unit vector towards which the wind blows.
     pub direction: [f32; 3],
 }
 
 impl InletNodes {
-    /// `tau`: relaxation time, steps, at a height over the bottom of the box, m; `velocity_scale`: cells per step of 1 m/s.
+    /// `tau`: relaxation time, steps, at a height above the bottom of the box, m; `velocity_scale`: cells per step of 1 m/s.
     pub(super) fn new(inlet: &InletWind, nodes: &[InletNode], tau: impl Fn(f64) -> f64, velocity_scale: f64) -> Self {
-        // Heights count from the ground before the face, which terrain may raise above the bottom of the box.
+        // Heights are measured from the ground before the face, which terrain may raise above the bottom of the box.
         let height = |n: &InletNode| n.position.y - inlet.origin.y - n.ground;
         let mean = |n: &InletNode| narrow(inlet.options.speed * inlet.profile(height(n)) * velocity_scale);
         let mean = nodes.iter().map(mean).collect();
@@ -558,7 +558,7 @@ impl InletNodes {
     /// Velocity at every node, by component, cells per step.
     pub(super) fn compute_velocities(&self, inlet: &InletWind, step: InletStep, arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
-        // The factors that depend on time only: one cosine and one sine per mode and step.
+        // Compute the factors that depend only on time: one cosine and one sine per mode and step.
         let displacement = inlet.mean_displacement(step.time);
         let factor = step.ramp * inlet.speed_factor(step.time);
         let phase_shift = |m: &FourierMode| {
@@ -611,7 +611,7 @@ impl WithSimd for InletVelocityKernel<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { nodes, step, mode_steps, out } = self;
         let count = nodes.mean.len();
-        // Mean wind first, then all modes, block by block: the partial sums never leave the L1 cache.
+        // Sum the mean wind first, then all modes, block by block, so that the partial sums stay in the L1 cache.
         for first in (0..count).step_by(NODE_BLOCK) {
             let block = first..count.min(first + NODE_BLOCK);
             for (out, direction) in out.iter_mut().zip(step.direction) {
@@ -645,7 +645,7 @@ fn accumulate_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s:
     }
 }
 
-/// Share of the full inflow, 0 to 1, after a number of steps from rest: a sudden start would send a pressure wave through the box.
+/// Share of the full inflow, 0 to 1, after a number of steps from rest: a sudden start would cause a pressure wave in the box.
 pub(super) fn spin_up_ramp(steps: u64) -> f64 {
     f64::from(math::smoothstep(0.0, RAMP_STEPS, steps.min(1000) as f32))
 }
@@ -655,20 +655,20 @@ mod tests {
     use super::super::LatticeOptions;
     use super::*;
 
-    /// Every question took some hundred draws for each of two ticks.
+    /// Each evaluation would need some hundred draws for each of two ticks.
     #[test]
     fn gusts_are_drawn_once_per_tick() {
         let lattice = LatticeOptions::default();
         let inlet = InletWind::new(lattice.inlet, DVec3::ZERO, lattice.spacing, lattice.cells, [false; 3]);
         let period = inlet.options.gust_period;
         assert!(inlet.options.gust_strength > 0.0);
-        // A correlation time, from before the first frame on, in many small questions out of order, as threads ask them.
+        // A correlation time that begins before the first frame, in many small evaluations out of order, as by threads.
         let times: Vec<f64> = (0..1000_u32).map(|k| period * (f64::from(k * 607 % 1000) / 1000.0 - 0.5)).collect();
         let asked: Vec<f64> = times.iter().map(|t| inlet.gust_factor(*t)).collect();
         let kept = inlet.gusts.read().expect("values").clone();
         assert!((32..=34).contains(&kept.len()), "{} ticks", kept.len());
         assert!(kept.iter().all(|(tick, value)| value.to_bits() == inlet.compute_gust_process(*tick).to_bits()));
-        // A clone shares the values; a fresh inlet finds the same ones.
+        // A clone shares the values; a new inlet computes the same ones.
         let fresh = InletWind { gusts: Arc::default(), ..inlet.clone() };
         for (t, asked) in times.iter().zip(asked) {
             assert_eq!(fresh.gust_factor(*t).to_bits(), asked.to_bits());

@@ -1,4 +1,4 @@
-//! Solids at two sides of the box that are joined, so that air which leaves through one comes in through the other.
+//! Solids at two periodic sides of the box, through which air that leaves at one side enters at the other.
 
 use glam::{DVec3, Vec3};
 
@@ -7,8 +7,8 @@ use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_scene::solid::{Form, Solid};
 
-/// Refuses solids that cross one of two joined sides of the box (S039): the part beyond would be missing at the other side.
-/// Land has no bounds, and a solid that crosses both sides, as a wall along the box, continues from one to the other.
+/// Refuses solids that cross one of two joined sides of the box (S039): the part beyond that side would be missing at the other.
+/// Land has no bounds, and a solid that crosses both sides, such as a wall along the box, continues from one to the other.
 pub(super) fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> Result<()> {
     let low = options.origin();
     let high = low + DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
@@ -20,7 +20,7 @@ pub(super) fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> 
             let bounds = solid.bounds();
             let (from, to) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
             let reaches = |side: f64| from[axis] < side - slack && to[axis] > side + slack;
-            // Most solids cross no side; their bounds show that without a look at the triangles.
+            // Most solids cross no side; their bounds are sufficient to show that, without a test of the triangles.
             if !reaches(low[axis]) && !reaches(high[axis]) {
                 continue;
             }
@@ -46,9 +46,9 @@ pub(super) fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> 
     Ok(())
 }
 
-/// A rectangle parallel to a side of the box and as large as that.
+/// A rectangle that is a side of the box.
 struct BoxSide {
-    /// Axis across it, and its place along that axis, m.
+    /// Axis normal to it, and its position along that axis, m.
     axis: usize,
     at: f64,
     /// Corners of the box, m.
@@ -74,7 +74,8 @@ fn cuts_side(corners: [DVec3; 3], side: &BoxSide) -> bool {
     };
     let mut ends = (0..3).filter_map(on_plane);
     let (Some(p), Some(q)) = (ends.next(), ends.next()) else { return false };
-    // Clip the line of intersection against the edges of the side: distances of both ends from each, outwards.
+    // Clip the line of intersection to the edges of the side, by the signed distances of both ends from each edge, positive
+    // outwards.
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for along in [(axis + 1) % 3, (axis + 2) % 3] {
         let (low, high) = (side.low[along], side.high[along]);
@@ -92,7 +93,7 @@ fn cuts_side(corners: [DVec3; 3], side: &BoxSide) -> bool {
     enter < leave
 }
 
-/// Triangles of the surface of a prism or a mesh; none of a land, which has no border.
+/// Triangles of the surface of a prism or a mesh; empty for a land, which has no border.
 fn surface_triangles(form: &Form) -> Vec<[Vec3; 3]> {
     match form {
         Form::Shell(shell) => shell.triangles().to_vec(),
@@ -140,7 +141,7 @@ mod tests {
     #[test]
     fn blocks_fill_a_side_where_their_surface_cuts_it_or_encloses_it() {
         let wall = Vec3::new(6.0, 3.0, 0.4);
-        // Turned by 45 degrees it cuts the side, runs past it, or ends before it.
+        // Turned by 45 degrees it cuts the side, passes beside it, or ends before it.
         for (foot, filled) in [
             (Vec3::new(0.0, 0.0, 1.0), true),
             (Vec3::new(1.9, 0.0, 1.0), true),
@@ -151,7 +152,7 @@ mod tests {
         ] {
             assert_eq!(fills(foot, wall, std::f32::consts::FRAC_PI_4), filled, "{foot}");
         }
-        // No face of a block of 20 m cuts the side that it encloses.
+        // A block of 20 m encloses the side; none of its faces cuts it.
         assert!(fills(Vec3::new(0.0, -5.0, 0.0), Vec3::splat(20.0), 0.3));
         // A block whose face lies in the plane of the side ends there.
         assert!(!fills(Vec3::ZERO, Vec3::new(1.0, 1.0, 2.0), 0.0));

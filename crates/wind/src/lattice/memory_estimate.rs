@@ -9,8 +9,8 @@ use super::tuning::{
 use osier_base::limits::{Limits, grouped};
 use osier_base::{Error, Result};
 
-/// Estimated memory of a lattice wind, bytes by use. The boundary exchange at solids, some hundred bytes per surface cell, is left
-/// out. Source: own, from the memory layout of each part; a test compares it with the memory of a solver.
+/// Estimated memory of a lattice wind, bytes by use. The boundary exchange at solids, some hundred bytes per surface cell, is
+/// omitted. Source: own, from the memory layout of each part; a test compares it with the memory of a solver.
 /// ```
 /// use osier_wind::{LatticeMemory, LatticeOptions};
 ///
@@ -30,9 +30,9 @@ pub struct LatticeMemory {
 }
 
 impl LatticeMemory {
-    /// Estimate for a solver with these options; numbers beyond 64 bits saturate.
+    /// Estimate for a solver with these options; saturates beyond 64 bits.
     pub fn estimate(options: &LatticeOptions) -> Self {
-        // Saturating products: the options may ask for more cells than 64 bits count.
+        // Saturating products, because the options may request more cells than 64 bits can count.
         let n = options.cells.map(u64::from);
         let count: u64 = n.iter().fold(1, |product, n| product.saturating_mul(*n));
         let with_halo: u64 = n.iter().fold(1, |product, n| product.saturating_mul(n + 2));
@@ -90,7 +90,7 @@ mod tests {
         for options in [base, slanted, turning] {
             let estimate = LatticeMemory::estimate(&options);
             let lattice = LatticeSolver::new(&options, &[], &Limits::default()).expect("lattice");
-            // Snapshots are allocated with the frames.
+            // Snapshots are allocated only with the frames.
             let (estimate, held) = (estimate.total() - estimate.snapshots, lattice.memory_bytes());
             println!("lattice: estimate {estimate} bytes, holds {held}");
             assert!(held <= estimate && 10 * held > 8 * estimate, "estimate {estimate}, holds {held}");

@@ -20,30 +20,31 @@ const MAX_RUN_NODES: usize = 512;
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
-/// A node outside an open face, whose populations are computed anew in every step.
+/// A node outside an open face, whose populations are recomputed in every step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GhostNode {
     pub position: [isize; 3],
-    /// Number of the nearest cell of the domain among the open cells (those before open faces); unused if that is solid.
+    /// Number of the nearest cell of the domain among the open cells (cells adjacent to open faces); unused if that cell is
+    /// solid.
     pub open_cell: u32,
-    /// The nearest cell of the domain is solid.
+    /// Whether the nearest cell of the domain is solid.
     pub before_solid: bool,
     /// Directions in which it sends, one bit each.
     pub directions: u16,
     pub inlet: bool,
     /// Outward normal of the outlets beyond which it lies, -1, 0 or 1 by axis.
     pub outward: [i8; 3],
-    /// The face beyond which it lies, if that is just one.
+    /// The face beyond which it lies, if there is exactly one.
     pub face: Option<usize>,
 }
 
-/// How the air at a ghost node follows from the inflow, or from the cell before an outlet.
+/// Source of the state of the air at a ghost node: the inflow, or the cell before an outlet.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum GhostCondition<L> {
     /// Prescribed velocity, cells per step; shear along x and z as in [`shear_nonequilibrium_population`].
     Inlet { velocity: [L; 3], shear: [L; 2] },
-    /// Velocity of the cell before it, without inward components along `outward`; density less 1. With
-    /// `nonequilibrium` that part of the cell's populations is passed on too, which damps less.
+    /// Velocity of the cell before it, without inward components along `outward`; density less 1. With `nonequilibrium` the
+    /// non-equilibrium part of the cell's populations is also passed on, which damps less.
     Outlet { outward: [i8; 3], drho: L, nonequilibrium: bool },
 }
 
@@ -70,8 +71,8 @@ impl<L: Lane> GhostState<L> {
     /// `drho`, `u`: density less 1 and velocity of the cell before it; 0 if that is solid.
     #[inline(always)]
     pub(super) fn new(drho: L, mut u: [L; 3], condition: GhostCondition<L>) -> Self {
-        // An inlet prescribes the velocity and takes the density from inside; an outlet prescribes the density and
-        // takes the velocity.
+        // An inlet prescribes the velocity and takes the density from inside; an outlet prescribes the density and takes the
+        // velocity from inside.
         match condition {
             GhostCondition::Inlet { velocity, shear } => {
                 Self { drho, velocity, nonequilibrium: None, shear: Some(shear) }
@@ -80,7 +81,7 @@ impl<L: Lane> GhostState<L> {
                 let nonequilibrium = if nonequilibrium { Some((drho, u)) } else { None };
                 for a in 0..3 {
                     if outward[a] != 0 {
-                        // No backflow: a vortex that crosses the outlet must not draw unknown air in.
+                        // No backflow: a vortex that crosses the outlet must not draw in air of unknown state.
                         let outflow = u[a] * u[a].splat(f64::from(outward[a]));
                         u[a] = outflow.select_gt(0.0, u[a], u[a].splat(0.0));
                     }
@@ -112,16 +113,16 @@ struct GhostRun {
     count: usize,
     /// Directions in which at least one of the nodes sends.
     directions: u16,
-    /// Outward normal; none for an inlet.
+    /// Outward normal; `None` for an inlet.
     outward: Option<[i8; 3]>,
     before_solid: bool,
     /// Index of the run's first node among all inlet nodes.
     first_inlet: usize,
-    /// Open cell of the run's first node, if the open cells of the others follow one by one.
+    /// Open cell of the run's first node, if the open cells of the other nodes are consecutive.
     first_open_cell: Option<u32>,
 }
 
-/// Where the populations of a ghost node lie in the buffer of ghost populations.
+/// Positions of the populations of a ghost node in the buffer of ghost populations.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct GhostSlots {
     /// Index of the node's population in its first direction.
@@ -158,7 +159,7 @@ pub(super) struct OpenBoundary {
 /// Inputs of the ghost nodes in one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GhostInputs<'a> {
-    /// Density less 1 and velocity by component of the open cells from `first_cell` on.
+    /// Density less 1 and velocity by component of the open cells, beginning with `first_cell`.
     pub moments: [&'a [f32]; 4],
     pub first_cell: usize,
     /// Populations of these cells, where outlets pass on the non-equilibrium part.
@@ -238,7 +239,7 @@ impl OpenBoundary {
         self.ghosts.iter().filter(|g| g.inlet).map(|g| g.position).collect()
     }
 
-    /// Position and face of the nodes beyond just one open face whose nearest cell is air.
+    /// Position and face of the nodes beyond exactly one open face whose nearest cell is air.
     pub(super) fn single_face_nodes(&self) -> impl Iterator<Item = ([isize; 3], usize)> {
         self.ghosts.iter().filter(|g| !g.before_solid).filter_map(|g| Some((g.position, g.face?)))
     }
@@ -302,7 +303,7 @@ impl GhostRun {
         // The same conditions as `compute_populations_scalar`, one register of ghosts at a time.
         let mut from = 0;
         while from < self.count {
-            // The last register overlaps the one before, so that it is full.
+            // The last register overlaps the previous one, so that it is full.
             let at = from.min(self.count - S::F32_LANES);
             from += S::F32_LANES;
             let condition = match self.outward {
@@ -365,9 +366,9 @@ impl GhostRun {
     }
 }
 
-/// Mean of a value by face over the outlets beyond which a node lies; 0 for none.
+/// Mean of a value by face over the outlets beyond which a node lies; 0 without outlets.
 pub(super) fn mean_over_adjoining_outlets<L: Lane>(outward: [i8; 3], values: [L; 6]) -> L {
-    // Beyond an edge of two outlets the mean of both applies.
+    // Beyond an edge of two outlets, use the mean of both.
     let (mut sum, mut count) = (values[0].splat(0.0), 0.0);
     for (a, side) in outward.iter().enumerate().filter(|(_, side)| **side != 0) {
         sum = sum + values[2 * a + usize::from(*side > 0)];

@@ -1,4 +1,4 @@
-//! Target velocities of the outlets, and the inlet nodes, from the mean wind before each open face.
+//! Target velocities of the outlets, computed from the mean wind at each open face, and the inlet nodes.
 
 use glam::DVec3;
 
@@ -8,12 +8,12 @@ use super::inlet::{InletNode, InletNodes, InletStep, InletWind};
 use super::setup::LatticeSetup;
 use osier_base::math::narrow;
 
-/// Mean wind before each open face, from which the outlets' outward velocities follow by conservation of mass.
+/// Mean wind at each open face, from which the outward velocities of outlets follow by conservation of mass.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OutletTargets {
     /// Mean speed of the profile over the face, cells per step; 0 for faces without ghost nodes.
     speed: [f64; 6],
-    /// Number of ghost nodes outside the face, which stands for its open area.
+    /// Number of ghost nodes outside the face, as a measure of its open area.
     count: [f64; 6],
 }
 
@@ -22,7 +22,7 @@ impl OutletTargets {
     pub(super) fn new(flow: &FlowState, inlet: &InletWind, setup: &LatticeSetup) -> Self {
         let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
         for (node, face) in flow.exchange.open_boundary.single_face_nodes() {
-            // Heights count from the local ground, on which the profile stands.
+            // Heights are measured from the local ground, where the profile begins.
             let height = setup.cell_center(node).y - setup.origin.y - ground_height(&flow.domain, node, setup.spacing);
             sum[face] += inlet.speed_at(height, 1.0) / setup.speed_unit();
             count[face] += 1.0;

@@ -1,4 +1,5 @@
-//! One step of one plane of cells: scatter what arrives from boundaries, collide, gather what leaves for them.
+//! One step of one plane of cells: scatter the populations that arrive from boundaries, collide, gather those that leave for
+//! them.
 
 use pulp::Simd;
 
@@ -19,14 +20,14 @@ pub(super) struct ThreadScratch<'a> {
     row_halo: RowHalo,
     /// Velocity by component and density less 1 of a plane, while its snapshot is written.
     moments: [Vec<f32>; 4],
-    /// Planes of the snapshot by number, from the last to the first; empty when none is written.
+    /// Planes of the snapshot by number, in descending order; empty if none is written.
     snapshot: Vec<(usize, SnapshotPlane<'a>)>,
-    /// Diagnostics of the planes that were written.
+    /// Diagnostics of the written planes.
     pub diagnostics: Vec<(usize, PlaneDiagnostics)>,
 }
 
 impl<'a> ThreadScratch<'a> {
-    /// `snapshot`: planes by number, from the last to the first.
+    /// `snapshot`: planes by number, in descending order.
     pub(super) fn new(grid: &LatticeGrid, snapshot: Vec<(usize, SnapshotPlane<'a>)>) -> Self {
         // The moment buffers are needed only by threads that write part of a snapshot.
         let length = if snapshot.is_empty() { 0 } else { grid.plane_span().next_multiple_of(BLOCK) };
@@ -50,7 +51,7 @@ impl<'a> ThreadScratch<'a> {
         let Some((_, mut target)) = self.snapshot.pop_if(|(plane, _)| *plane == z) else { return };
         let (row, [nx, ny, _]) = (domain.grid.row_stride, domain.grid.n);
         let mut diagnostics = PlaneDiagnostics::default();
-        // Rows leave the padded buffer without their halo nodes.
+        // Copy rows out of the padded buffer without their halo nodes.
         for y in 0..ny {
             let moments = self.moments.each_mut().map(|all| &mut all[y * row..y * row + nx]);
             diagnostics.add_and_store_row(domain, y, z, moments, Some(&mut target));
@@ -67,7 +68,7 @@ pub(super) struct PlaneStep<'a> {
     pub domain: &'a Domain,
     pub input: IncomingPopulations<'a>,
     pub z: usize,
-    /// Whether this is the last step of the pass, of whose moments a snapshot is written if one is due.
+    /// Whether this is the last step of the pass, whose moments are written to a snapshot if one is due.
     pub last: bool,
 }
 
@@ -78,8 +79,8 @@ struct PlaneSpeedStats {
     clamped: u64,
 }
 
-/// Binds the fifteen arrays of a plane to names, as slices of SIMD registers of one length that the compiler can prove:
-/// bounds checks then leave the loop.
+/// Binds the fifteen arrays of a plane to names, as slices of SIMD registers of a length that the compiler can prove, so that it
+/// removes bounds checks from the loop.
 macro_rules! bind_arrays {
     ($simd:ty, $arrays:expr, $start:expr, $length:expr; $($name:ident $k:literal)*) => {
         let [$($name),*] = $arrays else { return PlaneSpeedStats { max_squared: 0.0, clamped: 0 } };
@@ -89,8 +90,8 @@ macro_rules! bind_arrays {
 }
 
 impl PlaneStep<'_> {
-    /// Computes the step. `max_speed_squared`: that of the plane in the previous step; replaced by that of this step.
-    /// Returns the number of clamped cells.
+    /// Computes the step. `max_speed_squared`: square of the highest speed of the plane in the previous step; replaced by that of
+    /// this step. Returns the number of clamped cells.
     #[inline(always)]
     pub(super) fn scatter_collide_gather<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
         self,
@@ -103,8 +104,8 @@ impl PlaneStep<'_> {
         let parity = if ODD { StepParity::Odd } else { StepParity::Even };
         // Boundary populations of this plane enter their halo slots before any cell of it is read.
         self.input.scatter_incoming(planes, &mut scratch.row_halo, parity, self.z);
-        // Limiting speeds or writing moments within the kernel costs a tenth of its time: a second kernel does both, where
-        // a snapshot is taken or a speed near the limit was seen in the step before.
+        // Limiting speeds or writing moments within the kernel costs a tenth of its time: a second kernel does both, if a
+        // snapshot is taken or a speed near the limit occurred in the previous step.
         let writes = self.last && scratch.is_next_snapshot_plane(self.z);
         let speed = if writes || f64::from(*max_speed_squared) > UNCHECKED_SPEED * UNCHECKED_SPEED {
             self.collide_plane::<S, ODD, EDDIES, FORCE, true>(simd, planes, scratch, output)
@@ -112,8 +113,8 @@ impl PlaneStep<'_> {
             self.collide_plane::<S, ODD, EDDIES, FORCE, false>(simd, planes, scratch, output)
         };
         *max_speed_squared = speed.max_squared;
-        // The moments are those after the last step of the pass; then the plane hands over what its boundaries need
-        // next.
+        // The moments are those after the last step of the pass. Then gather the populations that the boundaries of the plane
+        // need next.
         if self.last {
             scratch.write_snapshot_plane(self.domain, self.z);
         }
@@ -122,7 +123,7 @@ impl PlaneStep<'_> {
         speed.clamped
     }
 
-    /// Collides all blocks of the plane that hold air. `CHECKED`: with the speed limit, and moments for a snapshot.
+    /// Collides all blocks of the plane that contain air. `CHECKED`: with the speed limit, and moments for a snapshot.
     #[inline(always)]
     fn collide_plane<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool, const CHECKED: bool>(
         self,
@@ -138,7 +139,7 @@ impl PlaneStep<'_> {
         let length = grid.plane_span().next_multiple_of(BLOCK);
         let first = planes.plane_start(grid, z) + grid.first_cell;
         let parity = if ODD { StepParity::Odd } else { StepParity::Even };
-        // Shifting each array's slice by its slot offset lets one index serve for all arrays and for reading and writing.
+        // Shifting each array's slice by its slot offset allows one index for all arrays, for reading and writing.
         let start = |k: usize| first.wrapping_add_signed(grid.slot_offset(parity, k));
         let (mut max_squared, mut clamped) = (F32Lanes::from_scalar(simd, 0.0), 0);
         let registers_per_block = BLOCK / S::F32_LANES;
@@ -158,7 +159,7 @@ impl PlaneStep<'_> {
         bind_arrays!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
         let registers = length / S::F32_LANES;
-        // Nodes below this one belong to the lowest row, on which rough ground drags.
+        // Nodes below this index belong to the lowest row, on which rough ground exerts drag.
         let drag_end = tables.drag.len().saturating_sub(BLOCK);
         let mut snapshot = if writes {
             let [x, y, z, drho] =
@@ -167,7 +168,7 @@ impl PlaneStep<'_> {
         } else {
             None
         };
-        // The list of row ends is sorted by block: `next` runs through it as the blocks go by.
+        // The list of row ends is sorted by block; `next` advances in it with the blocks.
         let mut next = 0;
         for range in tables.air_block_ranges(z) {
             let mut relaxation = uniform;
@@ -193,13 +194,13 @@ impl PlaneStep<'_> {
                 for i in 0..Q {
                     g[i] = F32Lanes::new(simd, read[if ODD { opposite(i) } else { i }]);
                 }
-                // Insert the populations that arrive through faces -x and +x: the row halo holds them, not the arrays.
+                // Insert the populations that arrive through faces -x and +x, which are in the row halo, not in the arrays.
                 if b == next_end {
                     for end in tables.row_ends[next..].iter().take_while(|end| end.block == b) {
                         row_halo.insert_into_lanes(simd, *end, &mut g);
                     }
                 }
-                // Lowest row over rough ground: take the wall stress out of the populations before they collide.
+                // In the lowest row over rough ground, subtract the wall stress from the populations before they collide.
                 if node < drag_end {
                     let (drag, sponge) =
                         (load_lanes(simd, &tables.drag, node), load_lanes(simd, &tables.drag_sponge, node));
@@ -213,7 +214,7 @@ impl PlaneStep<'_> {
                     clamped +=
                         count_clamped_cells(domain, &lanes_to_array(result.speed_squared)[..S::F32_LANES], node, z);
                 }
-                // Write to the slots that were read: the opposite array of an even step, the same of an odd one.
+                // Write to the slots that were read: in an even step to the opposite array, in an odd one to the same array.
                 let mut written = [result.g[0].value; Q];
                 for i in 0..Q {
                     written[if ODD { i } else { opposite(i) }] = result.g[i].value;
@@ -248,8 +249,7 @@ impl PlaneStep<'_> {
         output: &mut ExchangeOutput<'_>,
     ) {
         let lists = self.input.lists;
-        // Column 0 holds the first cells of the rows, column 1 the last; an end that lies in another block has no lane
-        // here.
+        // Column 0 contains the first cells of the rows, column 1 the last; an end in another block has no lane here.
         for (column, lane) in lists.planes[self.z].columns.into_iter().zip(end.lanes) {
             let Some(column) = column.filter(|_| lane != NO_LANE) else { continue };
             let (lane, number) = (to_usize(lane), column + to_usize(end.y) - output.first_cell);

@@ -20,7 +20,7 @@ use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::{Cancel, Progress};
 
-/// Bytes of a recorded velocity: three f32, as a snapshot has them.
+/// Bytes of a recorded velocity: three f32, as in a snapshot.
 const BYTES_PER_VELOCITY: u64 = 12;
 
 /// Region and time span of a recording.
@@ -47,7 +47,7 @@ impl RecordingOptions {
         u32::try_from(frames).map_or(fade, |frames| fade.min(frames))
     }
 
-    /// Number of recorded frames. One more than the clip and its lead: the last one is the end of the last interval.
+    /// Number of recorded frames. One more than the clip and its lead, because the last interval needs an end.
     fn frame_count(&self) -> u64 {
         u64::from(self.lead) + self.frames as u64 + 1
     }
@@ -66,13 +66,14 @@ impl RecordingOptions {
     }
 }
 
-/// A recorded wind: the velocities of the snapshots at every cell of a region, for every frame of a clip and of the time before it.
+/// A recorded wind: the velocities of the snapshots in every cell of a region, for every frame of a clip and of the time before
+/// it.
 #[derive(Debug)]
 pub struct RecordedWind {
     grid: SnapshotLayout,
     frames: Vec<Vec<[f32; 3]>>,
-    /// Mean of the frames from time 0 on, at the largest speed of the speed curve; empty if the wind turns, so that its
-    /// wakes move, or if the mean of the speed curve is near 0.
+    /// Mean of the frames from time 0, at the largest speed of the speed curve; empty if the wind turns, so that its wakes move,
+    /// or if the mean of the speed curve is near 0.
     mean: Vec<[f32; 3]>,
     /// Statistics of the solver at each frame.
     stats: Vec<LatticeStats>,
@@ -84,7 +85,7 @@ pub struct RecordedWind {
 }
 
 impl RecordedWind {
-    /// Runs a solver that has done no frame through a clip and keeps the velocities of a region.
+    /// Runs a solver without delivered frames through a clip and stores the velocities of a region.
     /// # Errors
     /// `Limit` if the recording would take more than `wind-bytes`; the errors of [`LatticeSolver::advance`].
     pub fn record(
@@ -117,7 +118,7 @@ impl RecordedWind {
         Ok(Self { grid, frames, mean, stats, fps: options.fps, lead, period, inlet })
     }
 
-    /// Bytes of memory that the velocities of all recorded frames and their mean take, with their halo.
+    /// Bytes of memory of the velocities of all recorded frames and their mean, including their halo.
     pub fn memory_bytes(&self) -> u64 {
         (self.frames.len() * self.grid.value_count() + self.mean.len()) as u64 * BYTES_PER_VELOCITY
     }
@@ -145,7 +146,7 @@ impl RecordedWind {
         let before = (frame as usize).min(last.saturating_sub(1));
         let fraction = narrow(frame - before as f64);
         let (a, b) = (&self.frames[before], &self.frames[(before + 1).min(last)]);
-        // Outside the box the undisturbed inflow blows. Its state is computed where a position needs it.
+        // Outside the box use the undisturbed inflow. Its state is computed only if a position needs it.
         let inlet_state = LazyCell::new(|| {
             let t = (frame - self.lead as f64) / self.fps;
             self.inlet.state_at(t, self.inlet.gust_factor(t))
@@ -177,7 +178,7 @@ fn mean_velocities(frames: &[Vec<[f32; 3]>], fps: f64, inlet: &InletWind) -> Vec
     mean
 }
 
-/// Velocities of a snapshot at the values of a cropped grid that begins at the cell `low`.
+/// Velocities of a snapshot for a cropped grid that begins at the cell `low`.
 fn crop_velocities(snapshot: &WindSnapshot, part: &SnapshotLayout, low: [usize; 3]) -> Vec<[f32; 3]> {
     let values = (0..part.value_count()).map(|k| snapshot.values[snapshot.grid.index_in_uncropped(part, low, k)]);
     values.map(|[x, y, z, _]| [x, y, z]).collect()
@@ -194,7 +195,7 @@ impl Wind for RecordedWind {
         // Time within the loop, in frames after the first; the recording starts `lead` frames earlier.
         let frame = t.rem_euclid(period) * self.fps;
         let frames = period * self.fps;
-        // Loop: in the last `lead` frames, cross-fade into the frames recorded before the first, which lead up to it.
+        // Loop: in the last `lead` frames, cross-fade into the frames recorded before the first one.
         let fade = narrow(((frame - (frames - lead)) / lead.max(1.0)).clamp(0.0, 1.0));
         self.add_weighted_sample(positions, frame + lead, 1.0 - fade, out);
         if fade > 0.0 {
@@ -206,7 +207,7 @@ impl Wind for RecordedWind {
         self.inlet.mean()
     }
 
-    /// Mean of the recorded clip: in the wake of a wall the air is slower than in the inflow, or flows back.
+    /// Mean of the recorded clip: in the wake of a wall the air is slower than in the inflow, or flows backwards.
     fn mean_at(&self, position: Vec3) -> Vec3 {
         self.mean_of_clip(position).unwrap_or_else(|| self.inlet.mean_at(position))
     }

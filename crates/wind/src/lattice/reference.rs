@@ -24,7 +24,7 @@ pub(super) struct ReferenceSolver {
     pub ground: GroundModel,
     pub force: [f64; 3],
     pub nonequilibrium: bool,
-    /// Mean outward velocity before each outlet, ahead of the last even step.
+    /// Mean outward velocity before each outlet, measured before the last even step.
     pub mean_outflow_before_even_step: [f64; 6],
     /// Number of completed steps.
     pub step: u64,
@@ -69,7 +69,7 @@ impl ReferenceSolver {
     /// One step. `wind`: velocity and shear at a ghost node; `wanted`: target outflow of each outlet.
     pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]), wanted: [f64; 6]) {
         let before = self.outgoing.clone();
-        // As the production solver: the mean outflow is measured once for two steps.
+        // As in the production solver, the mean outflow is measured once for two steps.
         if self.step.is_multiple_of(2) {
             self.mean_outflow_before_even_step = self.mean_outward_velocities(&before);
         }
@@ -98,7 +98,7 @@ impl ReferenceSolver {
         i: usize,
         wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]),
     ) -> f64 {
-        // Streaming written as a gather: where did the arriving population come from?
+        // Streaming written as a gather: find the source of each arriving population.
         let left = |cell: [usize; 3]| before[self.domain.grid.cell_index(cell)];
         match self.domain.population_source(x, i) {
             PopulationSource::Neighbour => {
@@ -110,7 +110,7 @@ impl ReferenceSolver {
                 left(cell)[direction] + 6.0 * weight(i) * along
             }
             PopulationSource::Ghost { direction, position } => {
-                // A ghost node: the moments of the nearest cell, and the condition of the faces beyond which the node
+                // For a ghost node, use the moments of the nearest cell, and the condition of the faces beyond which the node
                 // lies.
                 let near: [usize; 3] =
                     std::array::from_fn(|a| position[a].clamp(0, self.domain.grid.n[a] as isize - 1) as usize);
@@ -138,7 +138,7 @@ impl ReferenceSolver {
 
     fn collide_cell(&self, mut g: [f64; Q], [x, y, z]: [usize; 3]) -> [f64; Q] {
         let sponge = |k: usize, at: usize| self.sponge[k].get(at).copied().unwrap_or(0.0);
-        // The production kernel's relaxation time and drag, evaluated per cell instead of from tables.
+        // The relaxation time and drag of the production kernel, evaluated per cell instead of from tables.
         let share = sponge(0, x).max(sponge(1, z));
         if y == 0 && self.ground.drag > 0.0 {
             apply_wall_stress(&mut g, f64::from(self.ground.drag), f64::from(self.ground.sponge_drag) * share);

@@ -1,18 +1,18 @@
-//! What a lattice wind reports: warnings and statistics.
+//! Reports of a lattice wind: warnings and statistics.
 
-/// Something that should be known but does not stop the run.
+/// A finding that the user should know, but that does not stop the run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LatticeWarning {
     /// Diagnostic code, such as `S022`.
     pub code: &'static str,
-    /// What was found, and what to change.
+    /// The finding, and a remedy.
     pub text: String,
 }
 
 /// Statistics of all steps since rest, and of the last check of the density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatticeStats {
-    /// Time steps since rest, the spin-up included.
+    /// Number of time steps since rest, including the spin-up.
     pub steps: u64,
     /// Fluid cells whose speed was clamped, summed over all steps.
     pub clamped_cells: u64,

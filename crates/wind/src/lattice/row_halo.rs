@@ -1,9 +1,8 @@
-//! Halo of the rows' ends: populations that arrive there through faces -x and +x, inserted into registers as a step reads.
+//! Halo of the rows' ends: populations that arrive there through faces -x and +x, inserted into registers when a step reads them.
 //!
-//! A face across x has one cell in each row. Written to memory, its five populations would be single numbers in cache lines
-//! that the step is about to read as a whole, and the processor stalls on each such store (store forwarding fails): that
-//! costs as much as the rest of the step. They are kept in a compact buffer instead and selected into the lanes that
-//! need them.
+//! A face across x has one cell in each row. Written to memory, its five populations would be single numbers in cache lines that
+//! the step is about to read as a whole. The processor stalls on each such store (store forwarding fails), which costs as much as
+//! the rest of the step. The populations are therefore stored in a compact buffer and selected into the lanes that need them.
 
 use pulp::Simd;
 
@@ -17,7 +16,7 @@ use osier_base::simd::F32Lanes;
 const INCOMING: [[usize; INCOMING_COUNT]; 2] = [[1, 7, 9, 11, 14], [2, 8, 10, 12, 13]];
 /// Populations that enter at one end of a row.
 const INCOMING_COUNT: usize = 5;
-/// The number of each lane, in that lane.
+/// The index of each lane, in that lane.
 const LANE_NUMBERS: [f32; BLOCK] =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
@@ -47,8 +46,8 @@ impl RowHalo {
         Self { rows: grid.n[1], populations: vec![0.0; 2 * INCOMING_COUNT * grid.n[1]] }
     }
 
-    /// Index of the population that arrives in direction `i` at the cell (x, y) of a plane; none if it comes from within
-    /// the row.
+    /// Index of the population that arrives in direction `i` at the cell (x, y) of a plane; `None` if it comes from within the
+    /// row.
     pub(super) fn halo_index_of(grid: &LatticeGrid, i: usize, [x, y]: [usize; 2]) -> Option<usize> {
         // Only directions that point into the row from its end: +x at the first cell, -x at the last.
         let end = match VELOCITIES[i][0] {
@@ -60,7 +59,7 @@ impl RowHalo {
         Some((end * INCOMING_COUNT + nth) * grid.n[1] + y)
     }
 
-    /// Stores populations of consecutive rows from index `to` on.
+    /// Stores populations of consecutive rows, beginning at index `to`.
     pub(super) fn store_rows(&mut self, to: usize, from: &[f32]) {
         if let [one] = from {
             self.populations[to] = *one;
@@ -69,8 +68,8 @@ impl RowHalo {
         }
     }
 
-    /// Inserts what arrives at row ends in a block into the populations read from memory, and zeroes halo nodes between
-    /// rows, so that their meaningless values cannot trip the speed limit.
+    /// Inserts the populations that arrive at row ends in a block into those read from memory, and sets halo nodes between rows
+    /// to 0, so that their meaningless values cannot exceed the speed limit.
     #[inline(always)]
     pub(super) fn insert_into_lanes<S: Simd>(&self, simd: S, end: RowEndLanes, g: &mut [F32Lanes<S>; Q]) {
         let y = to_usize(end.y);
@@ -106,7 +105,7 @@ impl RowHalo {
 }
 
 impl RowEndLanes {
-    /// All of a plane in order, for registers of `lane_count` lanes; a sentinel that is of no block ends the list.
+    /// All row ends of a plane in order, for registers of `lane_count` lanes; a sentinel that matches no block ends the list.
     /// # Errors
     /// `Limit` for more rows than an index of 32 bits counts.
     pub(super) fn list_of_plane(grid: &LatticeGrid, lane_count: usize) -> Result<Vec<Self>> {
@@ -116,8 +115,7 @@ impl RowEndLanes {
             // After the last row only its block is filled up.
             let until = if y + 1 == grid.n[1] { (last + 1).next_multiple_of(BLOCK) } else { first + grid.row_stride };
             let checked_u32 = |n: usize| index(n, "rows of a plane of the lattice");
-            // All registers that touch this row or the halo nodes behind it; those with neither end nor halo are left
-            // out.
+            // All registers that contain a part of this row's ends or of the halo nodes after it; other registers are omitted.
             for block in first / lane_count..until.div_ceil(lane_count) {
                 let nodes = block * lane_count..(block + 1) * lane_count;
                 let lane =

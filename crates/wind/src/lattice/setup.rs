@@ -1,4 +1,4 @@
-//! Options of the lattice wind, and what follows from them: lattice units, boundary conditions and time steps.
+//! Options of the lattice wind, and quantities derived from them: lattice units, boundary conditions and time steps.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ use osier_base::{Error, Result};
 /// Boundary condition of the two vertical faces parallel to the wind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SideCondition {
-    /// Periodic if the wind is within a degree of an axis, else open.
+    /// Periodic if the wind is within a degree of an axis, otherwise open.
     Auto,
     /// Free slip: no flow through the face, no friction at it.
     Slip,
@@ -51,7 +51,7 @@ pub struct LatticeOptions {
     pub viscosity: f64,
     /// Frame rate of the snapshots, frames per second.
     pub fps: f64,
-    /// Time steps per frame; none for the fewest at which the wind passes no more than a tenth of a cell per step.
+    /// Number of time steps per frame; `None` for the smallest at which the wind moves no more than a tenth of a cell per step.
     pub steps_per_frame: Option<u32>,
     /// Smagorinsky constant; 0 for no eddy viscosity.
     pub smagorinsky: f64,
@@ -61,13 +61,13 @@ pub struct LatticeOptions {
     pub ground: GroundCondition,
     /// Condition of the two vertical faces that are parallel to the wind, or most nearly so.
     pub sides: SideCondition,
-    /// Outlets extrapolate the non-equilibrium part of the populations too, which damps the flow less.
+    /// Whether outlets also extrapolate the non-equilibrium part of the populations, which damps the flow less.
     pub outlet_nonequilibrium: bool,
-    /// Depth of the sponge before each outlet, cells, over which the viscosity rises; none for 4 m, within limits.
+    /// Depth of the sponge before each outlet, cells, over which the viscosity rises; `None` for 4 m, within limits.
     pub sponge_cells: Option<u32>,
-    /// Spin-up time before the first snapshot, s; none for one flow through the box, two with open sides.
+    /// Spin-up time before the first snapshot, s; `None` for one flow through the box, two with open sides.
     pub spin_up: Option<f64>,
-    /// Number of snapshots before time 0, the time from which gusts and the curves of speed and direction count.
+    /// Number of snapshots before time 0, at which gusts and the curves of speed and direction begin.
     pub lead_frames: u32,
 }
 
@@ -121,13 +121,13 @@ impl LatticeOptions {
     }
 }
 
-/// Axes along which the flow is periodic: their two faces are joined.
+/// Axes along which the flow is periodic, so that their two faces are joined.
 pub(super) fn periodic_axes(options: &LatticeOptions) -> [bool; 3] {
     let faces = face_conditions(options, 0.0);
     [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic)
 }
 
-/// Lattice units and durations that follow from the options, such as time step, relaxation time and spin-up.
+/// Lattice units and durations derived from the options, such as time step, relaxation time and spin-up.
 #[derive(Debug, Clone)]
 pub(super) struct LatticeSetup {
     pub n: [usize; 3],
@@ -141,11 +141,11 @@ pub(super) struct LatticeSetup {
     /// Relaxation time of the kinematic viscosity, steps, at least `tau_floor` of the options.
     pub tau: f64,
     pub ground: GroundModel,
-    /// Axis that the wind is most parallel to, 0 or 2.
+    /// Axis to which the wind is most nearly parallel, 0 or 2.
     pub along: usize,
-    /// Time steps before the first snapshot.
+    /// Number of time steps before the first snapshot.
     pub spin_up: u64,
-    /// Snapshots before time 0.
+    /// Number of snapshots before time 0.
     pub lead_frames: u32,
     /// Depth of the sponge before each outlet, cells.
     sponge: f64,
@@ -157,10 +157,10 @@ fn range_error(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -
     Error::Range { name: name.to_owned(), value, min, max, unit }
 }
 
-/// A key of a lattice wind that does not fit the others.
+/// An option of a lattice wind that contradicts others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LatticeFault {
-    /// Too few time steps: the wind would cross too many cells in one.
+    /// Too few time steps: the wind would cross too many cells in one step.
     TimeSteps {
         /// Requested number per frame.
         steps: u32,
@@ -189,7 +189,7 @@ impl From<LatticeFault> for Error {
     }
 }
 
-/// The first key of the options that does not fit their wind, for messages before a solver is made; `None` if all do.
+/// The first of the options that contradicts others, for messages before a solver is created; `None` if there is none.
 pub fn lattice_fault(options: &LatticeOptions) -> Option<LatticeFault> {
     let height = f64::from(options.cells[1]) * options.spacing;
     let (origin, periodic) = (options.origin(), periodic_axes(options));
@@ -237,7 +237,7 @@ impl LatticeSetup {
         let along = usize::from(direction.z.abs() > direction.x.abs()) * 2;
         let periodic = periodic_axes(options);
         let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
-        // The largest inflow speed sets the time step; nu = (tau - 1/2)/3 in lattice units, the relaxation time.
+        // The largest inflow speed determines the time step, and nu = (tau - 1/2)/3 in lattice units the relaxation time.
         let peak = inlet.peak_speed(size.y);
         let mut warnings: Vec<LatticeWarning> =
             warn_of_unresolved_turbulence(&inlet, options.spacing).into_iter().collect();
@@ -250,8 +250,7 @@ impl LatticeSetup {
             GroundCondition::Smooth => GroundModel::default(),
         };
         let spin_up = spin_up_steps(options, dt, size, n, along);
-        // Include the spin-up steps: their default is not part of the options, and after another spin-up the gusts
-        // differ.
+        // Include the spin-up steps: their default is not one of the options, and after another spin-up the gusts differ.
         let fingerprint = rng::child(options_hash(options), spin_up);
         let (spacing, fps, lead_frames) = (options.spacing, options.fps, options.lead_frames);
         let sponge = options.sponge_cells.map_or_else(|| default_sponge_depth(n[along], spacing), f64::from);
@@ -278,7 +277,7 @@ impl LatticeSetup {
         self.spacing / self.dt
     }
 
-    /// Relaxation time, steps, at a height over the bottom of the box, m, outside the sponge.
+    /// Relaxation time, steps, at a height above the bottom of the box, m, outside the sponge.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells, cut at both ends")]
     pub(super) fn tau_without_sponge(&self, height: f64) -> f64 {
         let y = (height / self.spacing).clamp(0.0, 1e6) as usize;
@@ -290,7 +289,7 @@ impl LatticeSetup {
         (self.tau - 0.5) * self.spacing * self.spacing / (3.0 * self.dt)
     }
 
-    /// Hash of options, solid cells and cut links; a checkpoint fits only a lattice of the same fingerprint.
+    /// Hash of options, solid cells and cut links; a checkpoint fits only a lattice with the same fingerprint.
     pub(super) fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
@@ -302,13 +301,13 @@ impl LatticeSetup {
         self.fingerprint = cells.chain(halves).fold(self.fingerprint, rng::child);
     }
 
-    /// Strength of the sponge by x and by z: it rises with the square of the depth from 0 to 1 at an outlet, in proportion to
-    /// which the relaxation time rises to 1.
+    /// Strength of the sponge by x and by z: it increases with the square of the depth from 0 to 1 at an outlet; in proportion to
+    /// it the relaxation time increases to 1.
     pub(super) fn sponge_strength(&self, faces: [FaceCondition; 6]) -> [Vec<f32>; 2] {
         let strength = |axis: usize| {
             let (n, depth) = (self.n[axis], self.sponge);
-            // Depth into the sponge from either face, over its thickness; the square makes it set in smoothly, so that
-            // it reflects little.
+            // Depth into the sponge from either face, divided by its thickness; with the square the sponge begins smoothly, so
+            // that it reflects little.
             let at_cell = |x: usize| {
                 let low = if faces[2 * axis] == FaceCondition::Outlet { depth - x as f64 } else { 0.0 };
                 let high = if faces[2 * axis + 1] == FaceCondition::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
@@ -321,14 +320,14 @@ impl LatticeSetup {
     }
 }
 
-/// Boundary condition of each face at time `t`, s. A vertical face is an inlet where the wind blows into the box, an outlet where
-/// it blows out, and as [`LatticeOptions::sides`] asks where it is parallel.
+/// Boundary condition of each face at time `t`, s. A vertical face is an inlet if the wind blows into the box there, and an
+/// outlet if it blows out; if the wind is parallel to it, [`LatticeOptions::sides`] determines the condition.
 pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceCondition; 6] {
-    // `across`: the horizontal axis that the wind is less parallel to; its two faces are the sides.
+    // `across`: the horizontal axis to which the wind is less parallel; its two faces are the sides.
     let d = direction_at(&options.inlet, t);
     let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
-    // A turning wind does not stay parallel to an axis, and its turning emits sound waves, which slip faces would reflect for
-    // ever: all its sides are open.
+    // A turning wind does not stay parallel to an axis, and its turning emits sound waves, which slip faces would reflect again
+    // and again: all its sides are open.
     let turns = !options.inlet.direction_curve.is_empty();
     let straight = !turns && d[across].abs() < cos(std::f64::consts::FRAC_PI_2 - 1.0_f64.to_radians());
     std::array::from_fn(|f| {
@@ -358,8 +357,8 @@ pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceConditio
     })
 }
 
-/// Boundary conditions in which each face that is ever open is open, for the sizes of tables. In a turning wind the choice of inlet or
-/// outlet is a placeholder.
+/// Boundary conditions in which each face that is open at any time is open, for the sizes of tables. In a turning wind the choice
+/// of inlet or outlet is a placeholder.
 pub(super) fn faces_ever_open(options: &LatticeOptions) -> [FaceCondition; 6] {
     let mut faces = face_conditions(options, 0.0);
     if !options.inlet.direction_curve.is_empty() {
@@ -405,9 +404,8 @@ fn warn_of_unresolved_turbulence(inlet: &InletWind, spacing: f64) -> Option<Latt
     (carried < MIN_CARRIED_TURBULENCE).then_some(LatticeWarning { code: "S033", text })
 }
 
-/// Steps per frame: the requested number, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells
-/// per step.
-/// `peak`: largest speed of the inflow, m/s.
+/// Number of steps per frame: the requested one, or the smallest at which the wind moves no more than [`TARGET_SPEED`] cells per
+/// step. `peak`: largest speed of the inflow, m/s.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
 fn steps_per_frame(
     options: &LatticeOptions,
@@ -439,14 +437,14 @@ fn steps_per_frame(
     Ok(steps)
 }
 
-/// Steps before the first frame: those asked for, or one flow through the box ([`OPEN_SIDES_CROSSINGS`] with open sides), but
-/// at least [`SPIN_UP_SOUND_CROSSINGS`] of sound, whose speed is 1/sqrt(3) cells per step.
+/// Number of steps before the first frame: the requested one, or one flow through the box ([`OPEN_SIDES_CROSSINGS`] with open
+/// sides), but at least [`SPIN_UP_SOUND_CROSSINGS`] crossings of sound, whose speed is 1/sqrt(3) cells per step.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are limited")]
 fn spin_up_steps(options: &LatticeOptions, dt: f64, size: DVec3, n: [usize; 3], along: usize) -> u64 {
     if let Some(seconds) = options.spin_up {
         return (seconds / dt).ceil() as u64;
     }
-    // Inlet and outlet are open in any case; further open faces are sides.
+    // Inlet and outlet are always open; further open faces are sides.
     let open = face_conditions(options, 0.0).into_iter().filter(|face| face.is_open()).count();
     let crossings = if open > 2 { OPEN_SIDES_CROSSINGS } else { 1.0 };
     // Sound crosses one cell in sqrt(3) steps.
@@ -455,7 +453,7 @@ fn spin_up_steps(options: &LatticeOptions, dt: f64, size: DVec3, n: [usize; 3], 
     flow_through.max(SPIN_UP_SOUND_CROSSINGS * longest * osier_base::math::sqrt(3.0)).ceil() as u64
 }
 
-/// Hash of the options, as their debug output.
+/// Hash of the `Debug` output of the options.
 fn options_hash(options: &LatticeOptions) -> u64 {
     rng::word(&format!("{options:?}"))
 }

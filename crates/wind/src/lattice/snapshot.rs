@@ -39,7 +39,7 @@ impl WindSnapshot {
         self.grid.spacing
     }
 
-    /// Velocity, m/s, and density less 1 of a cell; none if it is solid or outside the box.
+    /// Velocity, m/s, and density less 1 of a cell; `None` if it is solid or outside the box.
     pub fn cell(&self, at: [usize; 3]) -> Option<(Vec3, f32)> {
         let [nx, ny, nz] = self.grid.n;
         if at[0] >= nx || at[1] >= ny || at[2] >= nz {
@@ -59,9 +59,9 @@ pub struct InterpolatedWind {
     pub before: Arc<WindSnapshot>,
     /// The later snapshot, with the same cells as `before`.
     pub after: Arc<WindSnapshot>,
-    /// Time at which the wind is `before`, s; earlier it stays so.
+    /// Time of `before`, s; at earlier times the wind is constant.
     pub t0: f64,
-    /// Time at which the wind is `after`, s; later it stays so.
+    /// Time of `after`, s; at later times the wind is constant.
     pub t1: f64,
 }
 
@@ -69,11 +69,11 @@ impl Wind for InterpolatedWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         let part = if self.t1 > self.t0 { ((t - self.t0) / (self.t1 - self.t0)).clamp(0.0, 1.0) } else { 0.0 };
         let part = osier_base::math::narrow(part);
-        // State of the undisturbed inflow, which applies outside the box; computed where a place needs it.
+        // State of the undisturbed inflow, which applies outside the box; computed only if a position needs it.
         let (grid, inlet) = (&self.before.grid, &self.before.grid.inlet);
         let outside = LazyCell::new(|| inlet.state_at(t, inlet.gust_factor(t)));
         for (place, u) in places.iter().zip(out) {
-            // Linear in time at the cells, before the interpolation in space.
+            // Interpolate linearly in time at the cells, before the interpolation in space.
             let value = |k: usize| {
                 let (a, b) = (self.before.values[k], self.after.values[k]);
                 let a = Vec3::new(a[0], a[1], a[2]);

@@ -1,4 +1,4 @@
-//! The grid of wind snapshots: cell values with a halo of one cell, and trilinear interpolation that knows solids.
+//! The grid of wind snapshots: cell values with a halo of one cell, and trilinear interpolation that takes solids into account.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_scene::solid::{Solid, Solids};
 
-/// Which surfaces lie between the eight cells of an interpolation.
+/// The surfaces between the eight cells of an interpolation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum NearSurface {
     /// None of the cells is solid.
@@ -23,7 +23,7 @@ enum NearSurface {
     Cut,
 }
 
-/// Layout of snapshot values, and which cells are solid. Shared by all snapshots of a run.
+/// Layout of snapshot values, and the solid cells. All snapshots of a run share it.
 #[derive(Debug)]
 pub(super) struct SnapshotLayout {
     /// Cells by axis, without the halo.
@@ -33,23 +33,23 @@ pub(super) struct SnapshotLayout {
     /// Edge length of the cubic cells, m.
     pub spacing: f64,
     pub periodic: [bool; 3],
-    /// By cell, halo included: solid, or below the ground.
+    /// By cell, including the halo: whether it is solid, or below the ground.
     pub solid: Vec<bool>,
-    /// By cell, halo included: whether a surface cuts a link from this air cell to another one.
+    /// By cell, including the halo: whether a surface cuts a link from this air cell to another one.
     beside_cut: Vec<bool>,
-    /// By cell, halo included: what is among the eight cells of which it is the lowest corner.
+    /// By cell, including the halo: the surfaces between the eight cells of which it is the lowest corner.
     near: Vec<NearSurface>,
     /// Solids whose surfaces cut links.
     solids: Arc<Solids>,
     /// The wind outside the grid.
     pub inlet: Arc<InletWind>,
-    /// The lowest face is ground.
+    /// Whether the lowest face is ground.
     ground: bool,
-    /// By axis: the first and last border of the whole box, of which this may be a part, in cells from the origin.
+    /// By axis: the first and last border of the whole box, of which this grid may be a part, in cells from the origin.
     whole_box: [[f64; 2]; 3],
 }
 
-/// A range of cells: the lowest one, and how many there are along each axis.
+/// A range of cells: the lowest cell, and the number of cells along each axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CellRange {
     pub low: [usize; 3],
@@ -57,8 +57,8 @@ pub(super) struct CellRange {
 }
 
 impl CellRange {
-    /// The cells of a box of `n` cells that cover some bounds, m, [`RECORDING_MARGIN`] wider; all along an axis whose bounds are
-    /// empty. `origin`: lowest corner of the box, m.
+    /// The cells of a box of `n` cells that cover the given bounds, m, extended by [`RECORDING_MARGIN`]; all cells along an axis
+    /// on which the bounds are empty. `origin`: lowest corner of the box, m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn covering(n: [usize; 3], origin: DVec3, spacing: f64, periodic: [bool; 3], bounds: Bounds) -> Self {
         let mut range = Self { low: [0; 3], n };
@@ -66,7 +66,7 @@ impl CellRange {
             let in_cells = |v: f32| narrow((f64::from(v) - origin[a]) / spacing);
             let (from, to) = (in_cells(bounds.min[a]) - RECORDING_MARGIN, in_cells(bounds.max[a]) + RECORDING_MARGIN);
             let size = n[a] as f32;
-            // A periodic axis stays whole if the bounds cross its end.
+            // A periodic axis is kept whole if the bounds cross its end.
             if periodic[a] && (from < 0.0 || to > size) || from > to {
                 continue;
             }
@@ -78,7 +78,7 @@ impl CellRange {
 }
 
 impl SnapshotLayout {
-    /// `solids`: all that stand in the wind.
+    /// `solids`: all solids in the wind.
     pub(super) fn new(domain: &Domain, cells: CellGeometry, solids: &[Solid], inlet: Arc<InletWind>) -> Self {
         let (n, CellGeometry { origin, spacing }) = (domain.grid.n, cells);
         let periodic = [0, 2, 4].map(|f| domain.faces[f] == FaceCondition::Periodic);
@@ -112,7 +112,7 @@ impl SnapshotLayout {
         self.near = (0..self.value_count()).map(near).collect();
     }
 
-    /// The part of the grid that covers some bounds, m, and the part's lowest cell.
+    /// The part of the grid that covers the given bounds, m, and the part's lowest cell.
     pub(super) fn crop(&self, bounds: Bounds) -> (Self, [usize; 3]) {
         let CellRange { low, n } = CellRange::covering(self.n, self.origin, self.spacing, self.periodic, bounds);
         let periodic = std::array::from_fn(|a| self.periodic[a] && n[a] == self.n[a]);
@@ -142,7 +142,7 @@ impl SnapshotLayout {
         self.n.iter().map(|n| n + 2).product()
     }
 
-    /// Values from a cell to the next along each axis.
+    /// Distance in values between successive cells along each axis.
     pub(super) fn strides(&self) -> [usize; 3] {
         [1, self.n[0] + 2, (self.n[0] + 2) * (self.n[1] + 2)]
     }
@@ -153,8 +153,8 @@ impl SnapshotLayout {
         [k % row, k / row % (self.n[1] + 2), k / plane]
     }
 
-    /// The cell whose value a halo cell repeats: across periodic faces the opposite one, else the nearest. Coordinates
-    /// count from the halo, those of the result from the cells.
+    /// The cell whose value a halo cell repeats: across periodic faces the opposite one, otherwise the nearest. Coordinates count
+    /// from the halo, those of the result from the cells.
     pub(super) fn source_of_halo_cell(&self, at: [usize; 3]) -> [usize; 3] {
         std::array::from_fn(|a| match at[a] {
             0 if self.periodic[a] => self.n[a] - 1,
@@ -179,21 +179,21 @@ impl SnapshotLayout {
     /// Differs: eq. 11 starts at the closest node, which makes negative weights; this starts at the one below.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn sample(&self, at: Vec3, values: impl Fn(usize) -> Vec3, outside: impl Fn() -> Vec3) -> Vec3 {
-        // In f64 down to the cell: f32 would lose 1e-5 of a cell a hundred cells from the corner.
+        // Compute in f64 up to the cell: f32 would lose 1e-5 of a cell a hundred cells from the corner.
         let s = (at.as_dvec3() - self.origin) / self.spacing;
         if s.y <= 0.0 && self.ground {
             return Vec3::ZERO;
         }
         let (mut base, mut fraction, mut beyond, mut place) = ([0; 3], [0.0; 3], 0.0_f64, s);
         for a in 0..3 {
-            // Wrap periodic axes, clamp the others and note how far outside the box the point is, cells.
+            // Wrap periodic axes, clamp the others, and compute how far outside the box the point is, cells.
             let n = self.n[a] as f64;
             let inside = if self.periodic[a] { s[a] - (s[a] / n).floor() * n } else { s[a].clamp(0.0, n) };
             if !self.periodic[a] {
                 let [first, last] = self.whole_box[a];
                 beyond = beyond.max(first - s[a]).max(s[a] - last);
             }
-            // Values sit at cell centres, half a cell in, after one halo cell.
+            // Values are at cell centres, half a cell inside, after one halo cell.
             place[a] = inside;
             let from = inside + 0.5;
             base[a] = (from as usize).min(self.n[a]);
@@ -213,7 +213,7 @@ impl SnapshotLayout {
         inner
     }
 
-    /// Trilinear interpolation in the eight cells of which `first` is the lowest corner. Beside solids only cells of air count.
+    /// Trilinear interpolation in the eight cells of which `first` is the lowest corner. Beside solids only air cells count.
     fn interpolate_trilinear(
         &self,
         first: usize,

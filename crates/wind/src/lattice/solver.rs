@@ -1,4 +1,4 @@
-//! The solver: from options and solids to a wind snapshot per frame.
+//! The solver: computes a wind snapshot per frame from options and solids.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ use osier_base::progress::{Cancel, Progress};
 use osier_base::{Error, Result};
 use osier_scene::solid::{Form, Solid};
 
-/// Snapshots whose memory is reused: the two that a wind is interpolated between, and the next.
+/// Number of snapshots whose memory is reused: the two between which a wind is interpolated, and the next.
 const REUSED_SNAPSHOTS: usize = 3;
 /// Length of a checkpoint's header, bytes.
 const CHECKPOINT_HEADER: usize = 24;
@@ -51,19 +51,19 @@ pub struct LatticeSolver {
     inlet: Arc<InletWind>,
     inlet_nodes: InletNodes,
     pub(super) grid: Arc<SnapshotLayout>,
-    /// Velocity at the inlet nodes in the next step, and in the one after, by component, cells per step.
+    /// Velocity at the inlet nodes in the next step and in the step after it, by component, cells per step.
     inlet_velocity: [[Vec<f32>; 3]; 2],
     outlet_targets: OutletTargets,
     /// The options, if the wind turns and faces change their conditions.
     turning: Option<LatticeOptions>,
     pub(super) warnings: Vec<LatticeWarning>,
-    /// By y, along the wind, cells per step: how much the profile exceeds its mean, and its shear coefficient.
+    /// By y, along the wind, cells per step: difference of the profile from its mean, and its shear coefficient.
     profile_deviation: Vec<[f64; 2]>,
     fluid_cells: usize,
     /// Share of the rows of cells along the wind that solids block.
     blocked: f64,
     pub(super) stats: LatticeStats,
-    /// Snapshots delivered so far.
+    /// Number of snapshots delivered so far.
     frames: u32,
     /// The last snapshots, whose memory is reused.
     past: VecDeque<Arc<WindSnapshot>>,
@@ -88,7 +88,7 @@ impl LatticeSolver {
     /// memory; `Input` with S024 if all cells are solid, with S030 if the solids let hardly any air through, with S039 if a solid
     /// crosses one of two periodic sides.
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
-        // Refuse what is too large before any memory is allocated.
+        // Refuse a lattice that is too large before any memory is allocated.
         let (mut setup, mut warnings) = LatticeSetup::new(options)?;
         check_joined_sides(options, solids)?;
         limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
@@ -99,7 +99,7 @@ impl LatticeSolver {
             let (flag, help) = (String::new(), "use a larger dx".into());
             return Err(Error::Limit { name: "an array of the wind's lattice".into(), wanted, limit, flag, help });
         }
-        // Solid cells. Air is enclosed if it touches no face that is open at any time.
+        // Voxelize the solids. Air is enclosed if it touches no face that is open at any time.
         let grid = LatticeGrid::new(n);
         let (origin, spacing) = (setup.origin, options.spacing);
         let faces = face_conditions(options, 0.0);
@@ -122,7 +122,7 @@ impl LatticeSolver {
             ground: setup.ground.clone(),
             force: [0.0; 3],
         };
-        // Inflow, and what outlets have to let out in return.
+        // Prepare the inflow, and the outflow that balances it.
         let periodic = periodic_axes(options);
         let land =
             solids.iter().find_map(|s| if let Form::Land(land) = &s.form { Some(Arc::clone(land)) } else { None });
@@ -163,12 +163,12 @@ impl LatticeSolver {
         &self.grid
     }
 
-    /// Warnings of setup and of the steps done so far, each kind once.
+    /// Warnings of setup and of the steps so far, each kind once.
     pub fn warnings(&self) -> &[LatticeWarning] {
         &self.warnings
     }
 
-    /// Statistics of the steps done so far.
+    /// Statistics of the steps so far.
     pub fn stats(&self) -> LatticeStats {
         self.stats
     }
@@ -178,13 +178,13 @@ impl LatticeSolver {
         self.setup.lead_frames
     }
 
-    /// Time steps from rest to the first snapshot.
+    /// Number of time steps from rest to the first snapshot.
     pub fn spin_up_steps(&self) -> u64 {
         self.setup.spin_up
     }
 
-    /// Time steps of the lattice between two snapshots of [`LatticeSolver::advance`]: those of the options, or the fewest at
-    /// which the wind passes no more than a tenth of a cell per step.
+    /// Number of time steps of the lattice between two snapshots of [`LatticeSolver::advance`]: that of the options, or the
+    /// smallest at which the wind moves no more than a tenth of a cell per step.
     pub fn steps_per_frame(&self) -> u32 {
         self.setup.steps
     }
@@ -194,12 +194,12 @@ impl LatticeSolver {
         self.setup.viscosity()
     }
 
-    /// Does the spin-up except for its last steps, which [`LatticeSolver::advance`] does with the first snapshot; nothing
-    /// to do if it is done already.
+    /// Does the spin-up except for its last steps, which [`LatticeSolver::advance`] does with the first snapshot; does nothing if
+    /// that is done already.
     /// # Errors
     /// As [`LatticeSolver::advance`].
     pub fn spin_up(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
-        // An even number of steps, so that they all run as fused pairs; the rest belongs to the first frame.
+        // Use an even number of steps, so that all run as fused pairs; the rest belongs to the first frame.
         let until = self.setup.spin_up.saturating_sub(1) & !1;
         if self.flow.step < until {
             progress.stage("wind", self.setup.spin_up);
@@ -214,12 +214,12 @@ impl LatticeSolver {
         })
     }
 
-    /// The wind of the next frame. The first call completes the spin-up, with `progress`.
+    /// The wind of the next frame. The first call completes the spin-up and reports it to `progress`.
     /// # Errors
     /// `Input` with S024 when the flow diverges, `Cancelled` when asked to stop.
     pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<WindSnapshot>> {
         let mut values = self.snapshot_buffer();
-        // Inside the thread pool for the whole frame: entering it anew for every step costs more than small steps do.
+        // Stay inside the thread pool for the whole frame: entering it for every step costs more than small steps do.
         par::among(|| self.run_to_frame(&mut values, progress, cancel))?;
         let time = self.setup.snapshot_time(f64::from(self.frames));
         self.frames += 1;
@@ -228,8 +228,8 @@ impl LatticeSolver {
         Ok(snapshot)
     }
 
-    /// Memory for a snapshot: that of an earlier one without other owners, since touching fresh memory takes as long
-    /// as a step.
+    /// Memory for a snapshot: that of an earlier snapshot without other owners, because touching fresh memory takes as long as a
+    /// step.
     fn snapshot_buffer(&mut self) -> Vec<[f32; 4]> {
         // A strong count of 1: only this queue still refers to it.
         let free = self.past.iter().position(|old| Arc::strong_count(old) == 1);
@@ -245,7 +245,7 @@ impl LatticeSolver {
 
     /// Runs to the next frame and writes its snapshot.
     fn run_to_frame(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
-        // Frame k is reached after the spin-up and k frames' worth of steps.
+        // Frame k is reached after the spin-up and k times the steps of a frame.
         let until = self.setup.spin_up + u64::from(self.frames) * u64::from(self.setup.steps);
         if self.frames == 0 && self.flow.step == 0 {
             progress.stage("wind", until);
@@ -259,7 +259,7 @@ impl LatticeSolver {
         }
         while self.flow.step < until {
             cancel.check()?;
-            // The snapshot is written by the pass that does the last step.
+            // The pass that does the last step writes the snapshot.
             let left = until - self.flow.step;
             let last = left == 1 || left == 2 && self.flow.next_parity() == StepParity::Even;
             let target = last.then(|| SnapshotTarget { grid: &grid, speed_unit, values: &mut *values });
@@ -272,9 +272,9 @@ impl LatticeSolver {
         Ok(())
     }
 
-    /// One step, or two in one pass if as many are left and the first is even. Returns how many.
+    /// Does one step, or two in one pass if at least two remain and the first is even. Returns the number.
     fn advance_one_or_two_steps(&mut self, left: u64, target: Option<SnapshotTarget<'_>>) -> Result<u64> {
-        // Inflow and outlet targets of both steps of a pass are needed before it begins.
+        // The inflow and outlet targets of both steps of a pass must be known before it begins.
         let two = left >= 2 && self.flow.next_parity() == StepParity::Even;
         let now = self.update_inlet(0);
         let inflow = [now, if two { self.update_inlet(1) } else { now }];
@@ -292,7 +292,7 @@ impl LatticeSolver {
                 self.count_and_limit_clamped(step, count)?;
             }
         }
-        // A written snapshot comes with diagnostics; without one they are taken now and then.
+        // A written snapshot includes diagnostics; without a snapshot they are computed at intervals.
         if written {
             self.check_flow(&report.diagnostics)?;
         } else if before / CHECK_INTERVAL < self.flow.step / CHECK_INTERVAL {
@@ -302,10 +302,10 @@ impl LatticeSolver {
         Ok(self.flow.step - before)
     }
 
-    /// While the inflow ramps up, adds the rise of its profile to the air inside. The pressure that drives the start-up
-    /// accelerates all heights alike; without this the slow air near the ground would have to travel in from the inlet.
+    /// While the inflow increases, adds the increase of its profile to the air inside. The pressure that drives the start-up
+    /// accelerates all heights equally; without this the slow air near the ground would have to travel in from the inlet.
     fn add_profile_while_ramping(&mut self, before: u64) {
-        // The share by which the ramp rose in this pass; 0 when it is over.
+        // The increase of the ramp in this pass; 0 after the ramp.
         let rise = spin_up_ramp(self.flow.step) - spin_up_ramp(before);
         if rise > 0.0 {
             let t = self.step_time(before);
@@ -333,10 +333,10 @@ impl LatticeSolver {
         now
     }
 
-    /// Sets the conditions of the faces for the interval that leads to a frame, if the wind turns.
+    /// Sets the conditions of the faces for the interval before a frame, if the wind turns.
     fn update_faces(&mut self, frame: u64) -> Result<()> {
         let Some(options) = &self.turning else { return Ok(()) };
-        // Half a frame earlier: the conditions in the middle of the interval that leads to the frame.
+        // Half a frame earlier: the conditions in the middle of the interval before the frame.
         let faces = face_conditions(options, self.setup.snapshot_time(frame as f64 - 0.5));
         if faces != self.flow.domain.faces {
             self.flow.set_faces(faces, self.setup.sponge_strength(faces))?;
@@ -368,7 +368,7 @@ impl LatticeSolver {
 
     /// Fails if a density is out of range; warns of a checkerboard.
     fn check_flow(&mut self, diagnostics: &FlowDiagnostics) -> Result<()> {
-        // Report the first cell out of range, with what is known of it.
+        // Report the first cell out of range, with its known properties.
         let planes = &diagnostics.planes;
         let bad = planes.iter().enumerate().find_map(|(z, p)| p.out_of_range.map(|[x, y]| [x, y, z]));
         if let Some(cell) = bad {
@@ -428,8 +428,8 @@ impl LatticeSolver {
         bytes
     }
 
-    /// Continues from the checkpoint of a solver with the same options, seed and solids; all later results have the bytes
-    /// of a run that never stopped.
+    /// Continues from the checkpoint of a solver with the same options, seed and solids; all later results have the bytes of an
+    /// uninterrupted run.
     /// # Errors
     /// `Input` if the checkpoint is of another lattice wind.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<()> {
@@ -449,14 +449,14 @@ impl LatticeSolver {
         for array in self.flow.populations.arrays_mut() {
             array.iter_mut().zip(&mut populations).for_each(|(g, b)| *g = f32::from_le_bytes(*b));
         }
-        // Rebuild the buffers from the populations, then restore what these do not determine.
+        // Rebuild the buffers from the populations, then restore the state that these do not determine.
         self.flow.exchange.rebuild_from_populations(&self.flow.populations, self.flow.next_parity());
         let history = history.as_chunks::<4>().0;
         self.flow.exchange.checkpoint_values_mut().zip(history).for_each(|(value, b)| *value = f32::from_le_bytes(*b));
         Ok(())
     }
 
-    /// Bytes of memory that the solver holds, without snapshots.
+    /// Bytes of memory of the solver, without snapshots.
     pub fn memory_bytes(&self) -> u64 {
         LatticeGrid::population_bytes(self.setup.n)
             + self.flow.exchange.memory_bytes() as u64
@@ -467,7 +467,7 @@ impl LatticeSolver {
 
 /// Fails if the solids leave the wind hardly any passage. `blocked`: share of the rows of cells that they block.
 fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
-    // The exact search is costly, and has nothing to find while enough rows are free.
+    // The exact search is costly, and unnecessary while enough rows are free.
     if blocked <= REFUSED_BLOCKAGE {
         return Ok(());
     }
@@ -488,7 +488,7 @@ fn all_solid_error() -> Error {
     Diagnostic::about("S024", message).help("move or enlarge the box of the lattice").into()
 }
 
-/// The checkpoint was written by a lattice with other options, seed or solids, or is damaged.
+/// The error of a checkpoint that is damaged, or was written by a lattice with other options, seed or solids.
 pub(super) fn checkpoint_mismatch_error() -> Error {
     let message = "the checkpoint is of another lattice wind";
     Diagnostic::about("S025", message).help("simulate the wind from the start").into()

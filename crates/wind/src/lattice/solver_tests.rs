@@ -1,4 +1,4 @@
-//! Winds as scenes ask for them.
+//! Tests of winds with the options of scenes.
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -61,7 +61,7 @@ fn channel_options() -> LatticeOptions {
     }
 }
 
-/// A wall across the channel, five metres high, a cell thick, 20 cells from where the wind comes in.
+/// A wall across the channel, five metres high, a cell thick, 20 cells from the inlet.
 fn wall_solids() -> Vec<Solid> {
     let prism = Prism::block(Vec3::new(-9.75, 0.0, 0.0), Vec3::new(0.5, 5.0, 40.0), 0.0);
     vec![Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.5 }]
@@ -75,7 +75,7 @@ fn next_snapshot(lattice: &mut LatticeSolver) -> Result<Arc<WindSnapshot>> {
     lattice.advance(&Silent, &Cancel::default())
 }
 
-/// Steps from where a lattice stands.
+/// Snapshots of the next `count` frames of a lattice.
 fn run_frames(lattice: &mut LatticeSolver, count: usize) -> Vec<Arc<WindSnapshot>> {
     (0..count).map(|_| next_snapshot(lattice).expect("frame")).collect()
 }
@@ -117,13 +117,13 @@ fn turbulence_is_advected_by_a_speed_curve() {
     for t in [-3.0, 0.0, 7.5, 20.0] {
         assert!((even.velocity(place, t) - same.velocity(place, t)).length() < 1e-12);
     }
-    // In ten seconds at three quarters of the speed on the mean it comes as far as in seven and a half.
+    // In ten seconds at three quarters of the speed on average, the air moves as far as in seven and a half at full speed.
     assert!((rising.velocity(place, 10.0) - even.velocity(place, 7.5)).length() < 1e-9);
-    // Before it rises all of it is half as strong, and half as fast.
+    // Before the curve rises, the whole wind has half the strength and half the speed.
     assert!((rising.velocity(place, -6.0) - even.velocity(place, -3.0) / 2.0).length() < 1e-9);
 }
 
-/// A wind that turns from +x to -z in two seconds after two, in a cube of cells with a block in its middle.
+/// A wind that, after two seconds, turns from +x to -z within two seconds, in a cube of cells with a block in its middle.
 fn turning_wind_solver(turbulence: f64) -> LatticeSolver {
     let mut o = channel_options();
     (o.cells, o.spin_up) = ([32, 16, 32], Some(4.0));
@@ -144,11 +144,11 @@ fn turning_wind_swaps_inlet_and_outlet_faces() {
         (part, roles(&l)),
         (6, [FaceCondition::Inlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Inlet])
     );
-    // Then so long that the air of the old wind has left.
+    // Continue until the air of the old wind has left.
     let after = run_frames(&mut l, 480).pop().expect("frame");
     assert_eq!(roles(&l), [FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Inlet]);
     for (s, d) in [(&before, DVec3::X), (&after, -DVec3::Z)] {
-        // Above the block, where nothing is in the way.
+        // Above the block, where the flow is unobstructed.
         let places = (2..30).flat_map(|x| (2..30).map(move |z| [x, 13, z]));
         let all: Vec<DVec3> = places.map(|c| s.cell(c).expect("air").0.as_dvec3()).collect();
         let mean = all.iter().sum::<DVec3>() / all.len() as f64;
@@ -157,7 +157,7 @@ fn turning_wind_swaps_inlet_and_outlet_faces() {
         assert!((mean - wanted).length() < 0.04 * wanted.length(), "{mean}, {wanted}");
     }
     assert!(l.stats().clamped_cells == 0 && l.stats().density_error.abs() < 0.02, "{:?}", l.stats());
-    // Whoever flies in it knows from where it comes.
+    // An interpolated wind between these snapshots has the direction of the inflow.
     for (s, d) in [(before, Vec3::X), (after, Vec3::NEG_Z)] {
         let (t0, t1) = (s.time, s.time);
         let now = InterpolatedWind { before: Arc::clone(&s), after: s, t0, t1 };
@@ -169,7 +169,7 @@ fn turning_wind_swaps_inlet_and_outlet_faces() {
 #[test]
 fn turning_wind_resumes_from_a_checkpoint() {
     let mut whole = turning_wind_solver(0.05);
-    // In the middle of the turn, when two faces have other roles than at the start.
+    // Stop in the middle of the turn, when two faces have other conditions than at the start.
     let _ = run_frames(&mut whole, 54);
     let mut again = turning_wind_solver(0.05);
     again.resume(&whole.checkpoint()).expect("resumed");
@@ -324,7 +324,7 @@ fn inflow_turbulence_makes_a_three_dimensional_wake() {
     assert!(flat < 1e-8 && rough > 1e-3, "{flat} {rough}");
 }
 
-/// A scene turned to a direction: a cube of cells with a block in its middle.
+/// A scene rotated to a direction: a cube of cells with a block in its middle.
 fn snapshot_for_direction(direction: DVec3) -> Arc<WindSnapshot> {
     let mut o = channel_options();
     (o.cells, o.inlet.direction, o.spin_up) = ([32, 16, 32], direction, Some(300.0 / 48.0));
@@ -400,7 +400,7 @@ fn low_tau_without_eddy_viscosity_is_refused_and_diverges() {
     assert!(e.to_string().contains("S024") && e.to_string().contains("tau_floor"), "{e}");
 }
 
-/// A cube of cells with everything in it, as bytes after 50 steps.
+/// State, as bytes after 50 steps, of a cube of cells with all kinds of boundaries.
 fn state_bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
     let run = || {
         let mut o = channel_options();
@@ -462,7 +462,7 @@ fn interpolation_is_linear_and_vanishes_at_walls() {
     assert!(at(Vec3::new(5.0, -0.1, 0.0), 0.0) == Vec3::ZERO && at(Vec3::new(-9.75, 2.0, 0.0), 0.0) == Vec3::ZERO);
     let (far, near) = (at(Vec3::new(-10.25, 2.25, 0.25), 0.0), at(Vec3::new(-10.125, 2.25, 0.25), 0.0));
     assert!((near * 2.0 - far).length() < 1e-3 * far.length().max(0.1), "{far} {near}");
-    // Sides are joined; far outside there is what comes in.
+    // Sides are periodic; far outside the box the inflow applies.
     let p = Vec3::new(3.0, 6.0, 1.3);
     assert!((at(p, 0.0) - at(p + Vec3::Z * 8.0, 0.0)).length() < 1e-4);
     let out = Vec3::new(40.0, 8.0, 0.0);
@@ -473,7 +473,7 @@ fn interpolation_is_linear_and_vanishes_at_walls() {
 fn interpolation_reproduces_linear_fields() {
     let l = new_solver(&LatticeOptions { sides: SideCondition::Open, ..channel_options() }, &[]);
     let grid = Arc::clone(&l.grid);
-    // Velocity at a place and a time, up to 1 m/s.
+    // Velocity at a position and a time, up to 1 m/s.
     let wind = |p: DVec3, t: f64| {
         DVec3::new(0.02 * p.x + 0.01 * p.y - 0.5 * t, 0.04 * p.y - 0.01 * p.z, 0.03 * p.z - 0.02 * p.x + t)
     };
@@ -533,8 +533,8 @@ fn open_sides_take_two_crossings_of_spin_up() {
     assert_eq!(steps(&o), 192);
 }
 
-/// Ten degrees off an axis, in an empty box of 8 m: high above the middle the first frame has the direction that was asked for,
-/// with a tangent of 0.176. After one crossing it is 0.11, because of the eddies of the air that escapes at the start.
+/// Ten degrees to an axis, in an empty box of 8 m: high above the middle the first frame has the requested direction, with a
+/// tangent of 0.176. After one crossing it is 0.11, because of the eddies of the air that escapes at the start.
 #[test]
 fn an_oblique_wind_has_its_direction_from_the_first_frame_on() {
     let mut o = channel_options();
@@ -549,8 +549,8 @@ fn an_oblique_wind_has_its_direction_from_the_first_frame_on() {
 #[test]
 fn no_population_crosses_a_thin_wall_and_enclosed_air_is_filled() {
     let o = channel_options();
-    // A fence across the whole channel, at several places within a cell and angles: every link of an air cell on one side ends on
-    // the same side, and nothing else is cut.
+    // A fence across the whole channel, at several positions within a cell and angles: every link of an air cell on one side ends
+    // on the same side, and no other link is cut.
     for (shift, thick, degrees) in
         [(0.0, 0.1, 0.0), (0.13, 0.1, 0.0), (0.25, 0.2, 15.0), (0.37, 0.02, 30.0), (0.2, 0.1, 45.0)]
     {
@@ -578,8 +578,8 @@ fn no_population_crosses_a_thin_wall_and_enclosed_air_is_filled() {
                         PopulationSource::Cell { cell: from, direction } => (from, direction),
                         _ => continue,
                     };
-                    // The way to the middle of the link, where it may be reflected, and on. One that changes sides passes over
-                    // the top of the fence.
+                    // The path to the middle of the link, where it may be reflected, and on. A link that changes sides passes
+                    // over the top of the fence.
                     let middle = center(from) + Vec3::from_array(VELOCITIES[left].map(|c| 0.25 * c as f32));
                     for (start, end) in
                         [(center(from), middle), (middle, center(cell))].into_iter().filter(|_| from != cell)
@@ -588,7 +588,7 @@ fn no_population_crosses_a_thin_wall_and_enclosed_air_is_filled() {
                         let passes = start.lerp(end, a / (a - b)).y;
                         assert!(passes > 4.99 || a * b > 0.0, "{degrees}: {from:?} to {cell:?}");
                     }
-                    // Faces reflect, too.
+                    // Faces also reflect.
                     let inside = (1..3).all(|a| cell[a] > 0 && cell[a] + 1 < n[a]);
                     cut += usize::from(from == cell && inside);
                     let near = (center(cell) - at).dot(across).abs() < 0.75 && center(cell).y < 5.75;
@@ -647,7 +647,7 @@ fn recording_matches_snapshots_and_loops() {
         t0: (k as f64 - 12.0) / 24.0,
         t1: (k as f64 - 11.0) / 24.0,
     };
-    // The recording and the snapshots of another run agree at any time from the first frame that is kept on.
+    // The recording and the snapshots of another run agree at any time after the first frame that is kept.
     for (k, t) in [(3, -9.0), (5, -6.7), (12, 0.0), (19, 7.4), (38, 26.9)] {
         let (a, b) = (ask(&once, t / 24.0), ask(&frame(k), t / 24.0));
         assert!(a.iter().zip(&b).all(|(a, b)| (*a - *b).length() < 1e-6), "{a:?} {b:?}");
@@ -663,7 +663,7 @@ fn recording_matches_snapshots_and_loops() {
     assert!(matches!(record(false, &few), Err(Error::Limit { .. })));
 }
 
-/// The mean of a recorded wind is that of its clip: behind a wall far less than that of the inflow, and in proportion to a speed
+/// The mean of a recorded wind is that of its clip: behind a wall far less than that of the inflow, and proportional to a speed
 /// curve.
 #[test]
 fn the_mean_of_a_recording_has_the_wakes_of_its_solids() {
@@ -696,8 +696,8 @@ fn the_mean_of_a_recording_has_the_wakes_of_its_solids() {
     }
 }
 
-/// A wall across one of two joined sides is refused, as is one that no cells are made for; one across both, one that ends at a
-/// side and one beside the box are not, nor is one at an open side.
+/// A wall across one of two joined sides is refused, also by the check of the options, which makes no cells. A wall across both
+/// sides, one that ends at a side, one beside the box, and one at an open side are not refused.
 #[test]
 fn solids_across_one_joined_side_are_refused() {
     // The channel takes up 8 m along z, from -4 to 4.
@@ -724,8 +724,8 @@ fn solids_across_one_joined_side_are_refused() {
     assert_eq!(code(1.0, 12.0, SideCondition::Auto), [""; 2]);
 }
 
-/// A wall that stands askew beside a corner of the box has bounds that cross a joined side, which it does not reach itself. Moved
-/// towards the box it does.
+/// A wall beside a corner of the box, at an angle to it, whose bounds cross a joined side although the wall does not reach it.
+/// Moved towards the box, the wall reaches the side.
 #[test]
 fn solids_are_refused_by_their_faces_and_not_by_their_bounds() {
     // The corner is at x = 20, z = 4; turned by 45 degrees, the width of the wall runs along +X and -Z.

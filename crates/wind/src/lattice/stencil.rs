@@ -3,7 +3,7 @@
 /// Number of discrete velocities: rest, six along the axes, eight along the space diagonals.
 pub(super) const Q: usize = 15;
 
-/// Discrete velocities c_i, cells per step; opposite directions follow each other.
+/// Discrete velocities c_i, cells per step; opposite directions are adjacent.
 /// Source: \[catkin\] eq. 3.
 /// Differs: it counts "six diagonal lines"; a cube has eight corners.
 pub(super) const VELOCITIES: [[i32; 3]; Q] = [
@@ -36,7 +36,7 @@ pub(super) const fn weight(i: usize) -> f64 {
     }
 }
 
-/// Direction with the opposite velocity, into which bounce-back turns a population; 0, at rest, stays 0.
+/// Direction with the opposite velocity, to which bounce-back reverses a population; 0, at rest, stays 0.
 pub(super) const fn opposite(i: usize) -> usize {
     match i {
         0 => 0,
@@ -45,7 +45,7 @@ pub(super) const fn opposite(i: usize) -> usize {
     }
 }
 
-/// Direction `i` with its component along an axis reversed: where a population goes by specular reflection.
+/// Direction `i` with its component along an axis reversed, as by specular reflection.
 pub(super) fn reflected_direction(i: usize, axis: usize) -> usize {
     let mut c = VELOCITIES[i];
     c[axis] = -c[axis];

@@ -1,4 +1,4 @@
-//! Tables of a step that hold while the faces keep their conditions: blocks with air, relaxation times, ground drag.
+//! Tables of a step that are valid while the faces keep their conditions: blocks with air, relaxation times, ground drag.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -9,7 +9,7 @@ use super::row_halo::RowEndLanes;
 use osier_base::Result;
 use osier_base::convert::index;
 
-/// Viscosity of the flow, and what makes it vary in space.
+/// Viscosity of the flow, and its variation in space.
 #[derive(Debug, Clone)]
 pub(super) struct FlowParams {
     /// Relaxation time of the molecular viscosity, steps.
@@ -23,25 +23,25 @@ pub(super) struct FlowParams {
     pub force: [f32; 3],
 }
 
-/// Consecutive blocks of a plane that hold air, end exclusive.
+/// Consecutive blocks of a plane that contain air, end exclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct AirBlockRange {
     pub from: u32,
     pub to: u32,
-    /// Relaxation times differ from [`FlowParams::tau`] and are read from the tables.
+    /// Whether relaxation times differ from [`FlowParams::tau`] and are read from the tables.
     pub variable_tau: bool,
 }
 
-/// What the kernels of a step read, laid out as a plane is: element k is the k-th node from the plane's first cell.
+/// Tables that the kernels of a step read, in the layout of a plane: element k is the k-th node from the plane's first cell.
 #[derive(Debug)]
 pub(super) struct StepTables {
     pub(super) grid: LatticeGrid,
     pub(super) params: FlowParams,
     /// Runs of blocks with air, by plane.
     block_ranges: Vec<Vec<AirBlockRange>>,
-    /// Relaxation time per node where the plane lies in no sponge along z.
+    /// Relaxation time per node of a plane outside the sponges along z.
     pub(super) base_tau: Vec<f32>,
-    /// What the full sponge adds to the relaxation time.
+    /// Increase of the relaxation time in the full sponge.
     pub(super) sponge_tau: Vec<f32>,
     /// Drag coefficient of the ground on the lowest row and the rest of its last block; empty without drag.
     pub(super) drag: Vec<f32>,
@@ -58,7 +58,7 @@ impl StepTables {
     /// `Limit` for more nodes than an index of 32 bits counts.
     pub(super) fn new(domain: &Domain, params: FlowParams) -> Result<Self> {
         let grid = domain.grid;
-        // One more block than the plane has: the kernel reads whole registers.
+        // One block more than the plane has, because the kernel reads whole registers.
         let nodes = 0..grid.plane_span() + BLOCK;
         let row = grid.row_stride;
         let base_tau = nodes.clone().map(|k| tau_without_z_sponge(&params, [k % row, k / row])).collect();
@@ -73,34 +73,33 @@ impl StepTables {
         Ok(Self { grid, params, block_ranges, base_tau, sponge_tau, drag, drag_sponge, row_ends, arch })
     }
 
-    /// Computes with another instruction set than the machine's best.
+    /// Selects another instruction set than the best one of the machine.
     #[cfg(test)]
     pub(super) fn set_arch(&mut self, arch: Arch) {
         (self.row_ends, self.arch) =
             (RowEndLanes::list_of_plane(&self.grid, arch.dispatch(LaneCount)).expect("rows"), arch);
     }
 
-    /// Blocks of the plane `z` that hold air.
+    /// Blocks of the plane `z` that contain air.
     pub(super) fn air_block_ranges(&self, z: usize) -> &[AirBlockRange] {
         &self.block_ranges[z]
     }
 }
 
-/// Relaxation time at a cell of a plane that lies in no sponge along z: that of the sponge along x, at least that of
-/// the ground.
+/// Relaxation time at a cell of a plane outside the sponges along z: that of the sponge along x, at least that of the ground.
 fn tau_without_z_sponge(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
-    // A longer relaxation time is a larger viscosity, so the sponge damps what would be reflected at the boundary.
+    // A longer relaxation time is a larger viscosity, so that the sponge damps waves that the boundary would reflect.
     let (tau, ground) = (params.tau, &params.ground);
     let sponge = params.sponge[0].get(x).copied().unwrap_or(0.0);
     (tau + sponge * ground.sponge_tau(y, tau)).max(ground.min_tau_at(y, tau))
 }
 
-/// Blocks of the plane `z` that hold air, as ranges of consecutive blocks with equal `variable_tau`.
+/// Blocks of the plane `z` that contain air, as ranges of consecutive blocks with equal `variable_tau`.
 fn find_air_blocks(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<AirBlockRange>> {
     let grid = domain.grid;
     let in_sponge = params.sponge[1].get(z).is_some_and(|strength| *strength > 0.0);
     let mut ranges: Vec<AirBlockRange> = Vec::new();
-    // Blocks without a fluid cell are left out; runs of blocks split where tau begins or ceases to vary.
+    // Omit blocks without a fluid cell; split runs of blocks where tau begins or ceases to vary.
     for block in 0..grid.plane_span().div_ceil(BLOCK) {
         let nodes = block * BLOCK..(block + 1) * BLOCK;
         let air = |k: usize| {

@@ -1,9 +1,9 @@
 //! Steps of the whole domain: two time steps per pass over memory, several threads.
 //!
 //! An even step and the odd one after it go through the domain together, the odd one a plane behind, where it finds its
-//! populations in the cache: memory is read and written once for two steps. A plane's odd step needs the even step of the
-//! planes beside it, and so of the next plane, which has just been done. Each thread has a chunk of planes; the odd steps of
-//! the two planes at each seam between chunks need planes of both, and follow when all threads are done.
+//! populations in the cache: memory is read and written once for two steps. The odd step of a plane needs the even step of the
+//! adjacent planes, the next of which has just been done. Each thread has a chunk of planes; the odd steps of the two planes at
+//! each seam between chunks need planes of both, and follow when all threads have finished.
 //!
 //! ```text
 //!  plane     0   1   2   3   4   5 │ 6   7   8   9  10  11        chunks of two threads, one seam
@@ -39,7 +39,7 @@ use super::stencil::Q;
 use super::step_tables::StepTables;
 use osier_base::par;
 
-/// Fewest planes of a chunk: two at each seam.
+/// Least number of planes of a chunk: two at each seam.
 const MIN_CHUNK: usize = 4;
 
 /// Conditions at the open faces in one step.
@@ -50,7 +50,7 @@ pub(super) struct BoundaryInputs<'a> {
     /// As in [`GhostInputs`].
     pub shear: &'a [f32],
     pub shear_scale: [f32; 2],
-    /// Mean outward velocity wanted at each face that is an outlet, cells per step.
+    /// Target of the mean outward velocity at each face that is an outlet, cells per step.
     pub outlet_velocity: [f32; 6],
 }
 
@@ -62,7 +62,7 @@ pub(super) struct StepContext<'a> {
     /// Parity of the first step.
     pub parity: StepParity,
     pub first: BoundaryInputs<'a>,
-    /// With an even `parity`: do the odd step in the same pass, with these inputs.
+    /// Inputs of the odd step that is done in the same pass, with an even `parity`.
     pub second: Option<BoundaryInputs<'a>>,
 }
 
@@ -82,7 +82,7 @@ enum PassKind {
     EvenAndOdd,
 }
 
-/// Planes of the snapshot that are not yet given to a thread, by number.
+/// Planes of the snapshot that are not assigned to a thread yet, by number.
 type SnapshotPlanes<'a> = Vec<(usize, SnapshotPlane<'a>)>;
 
 impl StepContext<'_> {
@@ -94,7 +94,7 @@ impl StepContext<'_> {
         }
     }
 
-    /// Does the step or steps. `snapshot`: where the moments of the last step are written.
+    /// Does the step or steps. `snapshot`: destination of the moments of the last step.
     pub(super) fn run_pass(
         &self,
         populations: &mut Populations,
@@ -102,13 +102,13 @@ impl StepContext<'_> {
         snapshot: Option<SnapshotTarget<'_>>,
     ) -> StepReport {
         let kind = self.pass_kind();
-        // Outlet densities follow the mean outflow, taken anew before every even step.
+        // Outlet densities follow from the mean outflow, measured again before every even step.
         if self.parity == StepParity::Even {
             exchange.mean_outward_velocities =
                 exchange.open_boundary.mean_outward_velocities(&exchange.previous.open_cells.moments);
         }
-        // Ghosts first, since they read the moments of the step before; then the chunks, and last the seams, which
-        // need all chunks' even steps.
+        // Compute the ghosts first, because they read the moments of the previous step; then the chunks, and last the seams,
+        // which need the even steps of all chunks.
         self.compute_ghosts(exchange);
         let bounds = self.chunk_bounds();
         let mut snapshot: SnapshotPlanes<'_> =
@@ -118,7 +118,7 @@ impl StepContext<'_> {
             results.extend(self.run_seams(populations, exchange, &bounds, &mut snapshot));
         }
         std::mem::swap(&mut exchange.previous, &mut exchange.next);
-        // Chunks count even and odd steps; a single odd step is the first.
+        // Sum the counts of all chunks, for even and odd steps; a single odd step is the first.
         let clamped = [0, 1].map(|k| results.iter().map(|r| r.clamped[k]).sum());
         let clamped = if kind == PassKind::Odd { [clamped[1], 0] } else { clamped };
         let mut planes: Vec<_> = results.into_iter().flat_map(|r| r.diagnostics).collect();
@@ -158,7 +158,7 @@ impl StepContext<'_> {
         (0..=count).map(|k| k * n / count).collect()
     }
 
-    /// Slices of all arrays for ranges of planes, each with `margin` planes more on both sides.
+    /// Slices of all arrays for ranges of planes, each extended by `margin` planes on both sides.
     fn plane_slices<'a>(
         &self,
         populations: &'a mut Populations,
@@ -179,7 +179,7 @@ impl StepContext<'_> {
         planes
     }
 
-    /// In every chunk: the even step of all planes, and the odd step of those that no other chunk touches.
+    /// In every chunk: does the even step of all planes, and the odd step of the planes that no other chunk touches.
     fn run_chunks(
         &self,
         populations: &mut Populations,
@@ -203,12 +203,12 @@ impl StepContext<'_> {
         let inner = |r: &Range<usize>| if r.len() < MIN_CHUNK { r.start..r.start } else { r.start + 1..r.end - 1 };
         let inner: Vec<_> = chunks.iter().map(inner).collect();
         let [ghosts, second_ghosts] = ghost_populations;
-        // Ghosts of a chunk's planes are contiguous in the buffer: each chunk borrows its part.
+        // The ghosts of a chunk's planes are contiguous in the buffer, so that each chunk borrows its part.
         let ghost_range =
             |r: &Range<usize>| open_boundary.buffer_range(r.start).start..open_boundary.buffer_range(r.end - 1).end;
         let ghost_ranges: Vec<_> = chunks.iter().map(ghost_range).collect();
         let ghost_parts = split_at_ranges(second_ghosts, &ghost_ranges).into_iter().zip(&ghost_ranges);
-        // Where the even and the odd step leave what boundaries exchange.
+        // Select the buffers for the boundary populations that the even and the odd step write.
         let (even_buffers, odd_buffers) = match kind {
             PassKind::Even => (Some(next), None),
             PassKind::Odd => (None, Some(next)),
@@ -238,7 +238,7 @@ impl StepContext<'_> {
                 odd_planes: inner.clone(),
             })
             .collect();
-        // Outlet densities of the odd step use the mean outflow of the even one, taken once per pass.
+        // Outlet densities of the odd step use the mean outflow of the even one, measured once per pass.
         let second = self.second.map(|inputs| OddStepInputs {
             open_boundary,
             inputs,
@@ -259,7 +259,7 @@ impl StepContext<'_> {
             exchange;
         let n = self.tables.grid.n[2];
         let seams = bounds.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
-        // In a domain with too few planes for two seams, they are one.
+        // If the domain has too few planes for two seams, they are merged.
         let seams: Vec<_> = if n < MIN_CHUNK { std::iter::once(0..n).collect() } else { seams.collect() };
         // The odd step of the seams reads the populations of the even step of the same pass if there is one, otherwise those of the
         // previous pass.
@@ -274,7 +274,7 @@ impl StepContext<'_> {
             ghosts: BufferSlice::full(ghosts),
         };
         let speeds = split_at_ranges(max_speed_squared, &seams);
-        // A margin of one plane: an odd step writes one node downstream, into the neighbouring planes.
+        // A margin of one plane, because an odd step writes one node downstream, to the adjacent planes.
         let planes = self.plane_slices(populations, &seams, 1).into_iter().zip(speeds);
         let parts = planes.zip(next.split_by_planes(lists, &seams)).zip(&seams);
         let mut jobs: Vec<_> = parts
@@ -297,13 +297,13 @@ impl StepContext<'_> {
 
     /// Scratch memory of a thread, with the snapshot planes that lie in a range of planes.
     fn thread_scratch<'a>(&self, snapshot: &mut SnapshotPlanes<'a>, planes: &Range<usize>) -> ThreadScratch<'a> {
-        // Reversed, so that planes are taken from the end in ascending order.
+        // In descending order, so that planes are taken from the end in ascending order.
         let mut own: Vec<_> = snapshot.extract_if(.., |(z, _)| planes.contains(z)).collect();
         own.reverse();
         ThreadScratch::new(&self.tables.grid, own)
     }
 
-    /// Runs a chunk with the machine's instructions, by the kernel that its flow needs.
+    /// Runs a chunk with the instruction set of the machine and the kernel that its flow needs.
     fn dispatch_kernel(&self, task: ChunkTask<'_, '_>) -> ChunkResult {
         let (arch, params) = (&self.tables.arch, &self.tables.params);
         // Compile-time variants: the kernel of every wind has no force term, and without eddies no square root.
@@ -376,7 +376,7 @@ struct ChunkResult {
     diagnostics: Vec<(usize, PlaneDiagnostics)>,
 }
 
-/// Input of the ghosts of the odd step after an even one, besides open cells.
+/// Inputs of the ghosts of the odd step after an even one, besides open cells.
 #[derive(Clone, Copy)]
 struct OddStepInputs<'a> {
     open_boundary: &'a OpenBoundary,
@@ -387,7 +387,7 @@ struct OddStepInputs<'a> {
 struct ChunkTask<'a, 'b> {
     context: &'a StepContext<'a>,
     chunk: &'a mut Chunk<'b>,
-    /// What the first step of the pass reads from boundaries.
+    /// The populations that the first step of the pass reads from boundaries.
     input: IncomingPopulations<'a>,
     second: Option<OddStepInputs<'a>>,
 }
@@ -444,8 +444,8 @@ impl ChunkTask<'_, '_> {
                     open_boundary.compute_plane_ghosts(simd, z, state, out);
                 }
             }
-            // Odd step of the plane behind, which reads what the even step has just left.
-            // At z = 0 there is none behind; the wrapped index lies in no range.
+            // Odd step of the previous plane, which reads the results of the even step while they are in the cache. At z = 0
+            // there is no previous plane; the wrapped index lies in no range.
             let behind = z.wrapping_sub(1);
             if let Some(output) = odd_output.as_mut().filter(|_| odd_planes.contains(&behind)) {
                 let input = match even_output {

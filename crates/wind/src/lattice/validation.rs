@@ -1,4 +1,4 @@
-//! Flows with known answers.
+//! Tests with flows of known solution.
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -25,7 +25,7 @@ use super::stepper::BoundaryInputs;
 
 const RESTING_WALL: FaceCondition = FaceCondition::Wall([0.0; 3]);
 
-/// A test flow, stepped by the reference or by the production solver.
+/// A test flow, computed by the reference solver or by the production solver.
 enum TestFlow {
     Reference(Box<ReferenceSolver>),
     Production(Box<FlowState>),
@@ -44,7 +44,7 @@ fn domain(n: [usize; 3], faces: [FaceCondition; 6], solid: impl Fn([usize; 3]) -
     Domain { grid, faces, solid: list, cuts: HalfLinkCutMask::default() }
 }
 
-/// The domain with every eighth half link of some cells cut, at random, those at faces too.
+/// The domain with every eighth half link of some cells cut, at random, including those at faces.
 fn with_random_cuts(mut domain: Domain, cut: impl Fn([usize; 3]) -> bool) -> Domain {
     let n = domain.grid.n;
     let mut rng = osier_base::rng::Rng::at(7, &["cuts".into()]);
@@ -173,7 +173,7 @@ fn lattice_viscosity(tau: f64) -> f64 {
 fn couette_flow_has_a_linear_profile() {
     for height in [8, 16, 32] {
         for tau in [0.6, 0.8, 1.5] {
-            // 3.5 times H^2 / nu, the time in which friction reaches across the channel: what was left of the start has died away.
+            // 3.5 times H^2 / nu, the time in which friction acts across the channel: the influence of the start has decayed.
             let steps = (3.5 * (height * height) as f64 / lattice_viscosity(tau)) as usize;
             let walls = || channel_domain(height, FaceCondition::Wall([0.1, 0.0, 0.0]));
             for (fluid, bound) in [
@@ -193,8 +193,8 @@ fn couette_flow_has_a_linear_profile() {
 
 /// Relative errors of the profile, and wall force over body force.
 fn poiseuille_errors(height: usize, tau: f64, ours: bool) -> (f64, f64) {
-    // The greatest velocity is inverse to the height in cells: the error of compressibility, proportional to Ma^2, falls as fast as
-    // that of the resolution.
+    // The greatest velocity is inversely proportional to the height in cells, so that the error of compressibility, proportional
+    // to Ma^2, decreases as fast as that of the resolution.
     let (h, top) = (height as f64, 0.4 / height as f64);
     // u(y) = F / (2 nu) y (H - y) has its maximum F H^2 / (8 nu) in the middle.
     let force = [8.0 * lattice_viscosity(tau) * top / (h * h), 0.0, 0.0];
@@ -205,7 +205,7 @@ fn poiseuille_errors(height: usize, tau: f64, ours: bool) -> (f64, f64) {
         let s = (y as f64 + 0.5) / h;
         4.0 * top * s * (1.0 - s)
     };
-    // Half of the force belongs to the velocity.
+    // The velocity includes half of the force.
     let u = |y: usize| {
         let (drho, u) = fluid.moments_at([0, y, 0]);
         u[0] - 0.5 * force[0] / (1.0 + drho)
@@ -234,7 +234,7 @@ fn poiseuille_flow_is_second_order_and_walls_balance_the_force() {
         assert!(order.iter().all(|o| (o - 2.0).abs() < 0.1), "tau {tau}: order {order:?}");
         assert!(list.iter().all(|l| (l.1 - 1.0).abs() < 1e-6));
         if tau == 0.8 {
-            // Figures by which a change of the scheme or of its walls would show.
+            // Known figures, which a change of the scheme or of its walls would alter.
             for (l, known) in list.iter().zip([1.11e-2, 2.78e-3, 6.95e-4]) {
                 assert!((l.0 / known - 1.0).abs() < 0.05, "{} against {known}", l.0);
             }
@@ -245,7 +245,7 @@ fn poiseuille_flow_is_second_order_and_walls_balance_the_force() {
     assert!(off < 8e-4 && (wall - 1.0).abs() < 5e-4, "{off} {wall}");
 }
 
-/// Errors of viscosity and of velocity after half of the energy is gone.
+/// Errors of viscosity and of velocity after half of the energy has dissipated.
 fn taylor_green_errors(n: usize, ours: bool) -> (f64, f64) {
     let (tau, u0, k) = (0.8, 0.8 / n as f64, std::f64::consts::TAU / n as f64);
     let domain = domain([n, n, 1], [FaceCondition::Periodic; 6], |_| false);
@@ -333,7 +333,7 @@ fn cavity_domain(n: usize, lid: f64) -> Domain {
     )
 }
 
-/// Greatest and mean square difference from the table.
+/// Greatest difference and root mean square difference from the table.
 fn lid_driven_cavity_errors(n: usize, re: f64, turns: usize, table: &[f64; 15]) -> (f64, f64) {
     let lid = 0.1;
     // Re = lid n / nu with nu = (tau - 0.5) / 3.
@@ -411,7 +411,7 @@ fn production_solver_matches_the_reference_solver() {
     let mut plain = ReferenceSolver::new(make(), tau, smagorinsky_factor(0.16));
     let sponge: Vec<f64> = (0..n[0])
         .map(|x| {
-            // A sponge before the outlet: what it adds to tau rises with the square of the distance.
+            // A sponge before the outlet: its increase of tau is proportional to the square of the distance.
             let k = (x as f64 - 28.0).max(0.0) / 8.0;
             k * k
         })
@@ -465,7 +465,7 @@ fn production_solver_matches_the_reference_solver() {
 
 #[test]
 fn cut_links_keep_mass_and_let_nothing_through() {
-    // Two halves of a closed box behind a cut plane, joined by nothing: air that moves in one leaves the other at rest.
+    // Two halves of a closed box separated by a cut plane: air that moves in one leaves the other at rest.
     let n = [24, 10, 8];
     for ours in [false, true] {
         let mut domain = domain(n, [RESTING_WALL; 6], |_| false);
@@ -495,8 +495,8 @@ fn cut_links_keep_mass_and_let_nothing_through() {
     }
 }
 
-/// Air at rest in a partly solid box. `along` 0: inlets, outlets and rough ground; else periodic faces, a moving wall and one at rest.
-/// `rest`: outlets pass on the non-equilibrium part.
+/// Air at rest in a partly solid box. `along` 0: inlets, outlets and rough ground; otherwise periodic faces, a moving wall and
+/// one at rest. `rest`: outlets pass on the non-equilibrium part.
 fn flow_with_mixed_boundaries(n: [usize; 3], along: usize, rest: bool) -> FlowState {
     let mut faces = [
         FaceCondition::Periodic,
@@ -537,7 +537,7 @@ fn fused_steps_equal_single_steps() {
         ([8, 8, 1], 1, false),
         ([33, 12, 17], 1, false),
     ] {
-        // One flow takes two single steps where the other takes a fused one; both start from the same bits.
+        // One flow makes two single steps, the other one fused pass; both start from the same bits.
         let [mut one, mut two] = [0, 1].map(|_| flow_with_mixed_boundaries(n, along, rest));
         let count = one.exchange.open_boundary.inlet_positions().len();
         for step in 0..24 {
@@ -555,7 +555,7 @@ fn fused_steps_equal_single_steps() {
         }
         let fluid = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
         let fluid = fluid.filter(|c| !one.domain.is_solid(*c));
-        // Equality says little of air at rest: some of it must have moved.
+        // Equality is meaningless for air at rest: some air must have moved.
         let mut moves = 0.0_f32;
         for cell in fluid {
             assert_eq!(

@@ -98,8 +98,8 @@ pub(super) fn voxelize(grid: &LatticeGrid, cells: CellGeometry, solids: &[Solid]
     planes.concat()
 }
 
-/// Makes enclosed air solid, then checks the clearance of open faces and the blockage of the cross-section. `along`: axis that
-/// the wind is most parallel to.
+/// Makes enclosed air solid, then checks the clearance of open faces and the blockage of the cross-section. `along`: axis to
+/// which the wind is most nearly parallel.
 pub(super) fn fill_and_check_solids(
     domain: &mut Domain,
     solids: &[Solid],
@@ -108,7 +108,7 @@ pub(super) fn fill_and_check_solids(
 ) -> VoxelReport {
     let CellGeometry { origin, spacing } = cells;
     let filled = fill_enclosed_air(domain);
-    // Clearance: terrain has to reach the faces, obstacles must not.
+    // Check the clearance: terrain has to reach the faces, but obstacles must not.
     let obstacles: Vec<Solid> = solids.iter().filter(|s| !matches!(s.form, Form::Land(_))).cloned().collect();
     let open = |f: usize| domain.faces[f].is_open();
     let n = domain.grid.n;
@@ -125,16 +125,16 @@ pub(super) fn fill_and_check_solids(
     let blocked = blocked_row_share(domain, along);
     let solid = domain.solid.iter().filter(|s| **s).count();
     let bounded = obstacles.iter().map(|s| (s.name.clone(), cells.height_in_cells(s)));
-    // A solid of exactly the least height may come out slightly lower by rounding. A height that is not positive lies
-    // below the box.
+    // A solid of exactly the least height may be slightly lower due to rounding. The height is not positive for a solid below the
+    // box.
     let coarse =
         bounded.filter(|(_, height)| *height > 0.0 && *height < f64::from(MIN_CELLS_PER_HEIGHT) - 0.01).collect();
     let open = obstacles.iter().filter_map(|s| s.open_mesh_warning("the lattice wind")).collect();
     VoxelReport { solid, filled, crowded, blocked, coarse, open }
 }
 
-/// Makes solid every air cell from which no path through air leads to an open face: a flood fill from the open faces.
-/// Returns the number of filled cells, except those whose centre lies on a surface: nobody expects wind there.
+/// Makes solid every air cell from which no path through air leads to an open face: a flood fill from the open faces. Returns the
+/// number of filled cells, except those whose centre lies on a surface, in which no wind is expected.
 #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit")]
 fn fill_enclosed_air(domain: &mut Domain) -> usize {
     let n = domain.grid.n;
@@ -149,7 +149,7 @@ fn fill_enclosed_air(domain: &mut Domain) -> usize {
             queue.push_back(cell);
         }
     }
-    // Spread to the six neighbours, across periodic faces too.
+    // Spread to the six neighbours, including those across periodic faces.
     while let Some(cell) = queue.pop_front() {
         for f in 0..6 {
             // Faces are numbered -x, +x, ..., directions along the axes +x, -x, ... from 1 on.

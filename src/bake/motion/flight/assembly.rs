@@ -29,8 +29,8 @@ pub(crate) struct AddedFlight {
     pub(crate) volumes: Vec<VolumeGrid>,
 }
 
-/// Adds the catkins of a recipe with `[catkin]` or `[flight]`: flying with the latter, else at rest in a row. `canopy`: the
-/// twigs that release them.
+/// Adds the catkins of a recipe with `[catkin]` or `[flight]`: in flight with the latter, otherwise at rest in a row. `canopy`:
+/// the twigs that release them.
 /// # Errors
 /// `Limit`, `Cancelled`; those of a lattice wind.
 pub(crate) fn add_catkins(
@@ -81,7 +81,7 @@ fn start_flight(
     let drawn = context.limits.check("vertices", points as u64, "the number of points of flight.trails");
     drawn.map_err(|e| recipe.places_of_keys.limit_at("flight.trails", e))?;
 
-    // A wavy ground is sampled over a square around the origin that holds the box, wherever a lattice places it.
+    // Sample a wavy ground over a square around the origin that contains the box, wherever a lattice places it.
     let reach = domain.min.abs().max(domain.max.abs());
     let side = domain.size().max_element().max(2.0 * reach.x.max(reach.z));
     let solids = Arc::new(obstacles.solids_with_roofs_within(side));
@@ -117,7 +117,8 @@ fn start_flight(
             "enlarge flight.size, which lies around the origin, or place a lattice wind over them with wind.lattice.at"
         };
         let d = Diagnostic::about("S026", text).help(help);
-        // A report keeps one warning of a code at a place: without the key, the table may be that of the warning above.
+        // A report keeps one warning of a code at a place. If the scene lacks the key, the place is its table, which may already
+        // have the warning above.
         if recipe.places_of_keys.sets("flight.size") {
             report.extend(recipe.places_of_keys.report_at("flight.size", d, "the domain of the flight"));
         } else {
@@ -127,7 +128,7 @@ fn start_flight(
 
     warn_of_zones_and_solids_outside(flight, scene.solids.list(), domain, report);
 
-    // The lattice wind has warned of open meshes already, if there is one.
+    // With a lattice, its wind has already warned of open meshes.
     if scene.cell_size.is_none() {
         let warnings = scene.solids.list().iter().filter_map(|solid| solid.open_mesh_warning("catkins"));
         report.diagnostics.extend(warnings.map(|text| Diagnostic::about("S032", text)));
@@ -144,10 +145,10 @@ fn start_flight(
     Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields, volumes }))
 }
 
-/// Warns of zones and solids beside the box of a flight, which no catkin reaches, and of zones without an area.
+/// Warns of zones and solids outside the box of a flight, which no catkin reaches, and of zones without an area.
 fn warn_of_zones_and_solids_outside(flight: &FlightRecipe, solids: &[Solid], domain: Bounds, report: &mut Report) {
     let sides = |b: Bounds| [[b.min.x, b.max.x], [b.min.z, b.max.z]].map(|side| side.map(f64::from));
-    // Length that two intervals have in common; negative if there is a gap between them.
+    // Length of the intersection of two intervals; negative if there is a gap between them.
     let overlap = |a: [f64; 2], b: [f64; 2]| a[1].min(b[1]) - a[0].max(b[0]);
     let [x, z] = sides(domain);
     let place = format!("x {:.1} to {:.1} m, z {:.1} to {:.1} m", x[0], x[1], z[0], z[1]);

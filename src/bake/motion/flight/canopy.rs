@@ -17,8 +17,8 @@ use osier_motion::flight::{CarriedPoint, CatkinStart, ReleaseCondition};
 use osier_scene::Trs;
 use osier_scene::plant::{Axis, AxisKind};
 
-/// Standard deviation, m, of a catkin's start about its twig's end along each axis, so that the catkins of one twig do not
-/// start in one point and stick together.
+/// Standard deviation along each axis, m, of the start of a catkin about the end of its twig, so that the catkins of one twig do
+/// not start at one point and stick together.
 const CATKIN_SPREAD: f64 = 0.05;
 
 /// The twigs of all plants that `[flight]` names as its canopy.
@@ -32,7 +32,7 @@ pub(crate) struct Canopy {
 struct CanopyPlant {
     /// World from plant space.
     transform: Trs,
-    /// Frames by which the placement's motion is ahead of its asset's.
+    /// Number of frames by which the placement's motion leads that of its asset.
     phase: u32,
     /// Share of the catkins that start at each of its twigs, relative to those of other plants.
     weight: f64,
@@ -44,7 +44,7 @@ struct CanopyPlant {
 struct BoundTwigs {
     /// Positions at rest, m.
     rest: Arc<[Vec3]>,
-    /// These ends as the plant's motion carries them; `None` for a still plant.
+    /// The ends as the plant's motion carries them; `None` for a still plant.
     moving: Option<Arc<dyn CarriedPoints>>,
 }
 
@@ -53,7 +53,7 @@ struct BoundTwigs {
 pub(crate) struct CatkinSite {
     plant: usize,
     twig: usize,
-    /// From the twig's end to the catkin's centre, world axes, m.
+    /// Vector from the twig's end to the catkin's centre, world axes, m.
     offset: DVec3,
 }
 
@@ -61,7 +61,7 @@ pub(crate) struct CatkinSite {
 pub(crate) type TwigPositions = Vec<Vec<Vec3>>;
 
 impl Canopy {
-    /// The canopy of the plants that `[flight]` names: the ends of all their stems but the trunks, each bound to the motion of
+    /// The canopy of the plants that `[flight]` names: the ends of all their stems except the trunks, each bound to the motion of
     /// its plant. Empty without a flight.
     pub(crate) fn of_scene(
         recipe: &Recipe,
@@ -97,10 +97,10 @@ impl Canopy {
 
     /// World positions, m, of the ends of all twigs at a time.
     /// # Errors
-    /// Those of the plants' motions.
+    /// Errors of the plants' motions.
     pub(crate) fn positions(&self, time: FrameTime) -> Result<TwigPositions> {
         let posed = |plant: &CanopyPlant| {
-            // Copies of one individual show its motion with different phases, so that they do not sway in step.
+            // Copies of one individual show its motion with different phases, so that they do not sway in unison.
             let time = FrameTime { seconds: time.seconds + f64::from(plant.phase) * time.step, ..time };
             let ends = plant.twigs.moving.as_ref().map(|moving| moving.positions(time)).transpose()?;
             let ends = ends.as_deref().unwrap_or(&plant.twigs.rest);
@@ -110,8 +110,8 @@ impl Canopy {
     }
 
     /// Draws a twig for each of `count` catkins. Each ripens at a time uniform in `ripening`, s, then waits for a wind exposure
-    /// drawn from the unit exponential distribution. `positions`: of the twigs' ends at the start. Both lists are empty without
-    /// twigs.
+    /// drawn from the unit exponential distribution. `positions`: positions of the twigs' ends at the start. Both lists are empty
+    /// without twigs.
     pub(crate) fn draw_catkin_starts(
         &self,
         count: u32,
@@ -148,7 +148,7 @@ impl Canopy {
 }
 
 impl CatkinSite {
-    /// World position of the catkin, m, when the twigs are at `positions`; `None` for a twig that these lack.
+    /// World position of the catkin, m, when the twigs are at `positions`; `None` for a twig that is missing there.
     fn position(&self, positions: &TwigPositions) -> Option<DVec3> {
         Some(positions.get(self.plant)?.get(self.twig)?.as_dvec3() + self.offset)
     }
@@ -165,11 +165,11 @@ impl CatkinSite {
     }
 }
 
-/// Last nodes of all stems of order 1 or higher, plant space: trunks release no catkins. In a clip of its growth a plant also holds
-/// the wood that falls before the end of the clip, which bears none.
+/// Last nodes of all stems of order 1 or higher, plant space: trunks release no catkins. In a clip of its growth a plant also
+/// contains wood that falls before the end of the clip, which bears no catkins.
 fn twig_ends(grown: &GrownPlant) -> Vec<PointOnAxis> {
     let plant = &grown.plant;
-    // Radii at the greatest age that the clip shows: those of fallen wood are 0.
+    // Radii at the greatest age that the clip shows, at which fallen wood has radius 0.
     let radii = grown.clip.as_ref().map(|clip| {
         let span = clip.span();
         clip.pose(narrow(span.from.max(span.to))).r
@@ -179,7 +179,7 @@ fn twig_ends(grown: &GrownPlant) -> Vec<PointOnAxis> {
     let end = |(axis, a): (u32, &Axis)| {
         let nodes = plant.nodes_of(a);
         let first = nodes.start;
-        // A stem of which only the foot is left has no end.
+        // A stem of which only the foot remains has no end.
         let node = nodes.rev().find(stands).filter(|node| *node > first)?;
         Some(PointOnAxis { position: *plant.nodes.p.get(node)?, axis, arc_length: *plant.nodes.s.get(node)? })
     };

@@ -22,7 +22,8 @@ pub struct DepositionMaps {
     pub cumulative: bool,
 }
 
-/// Faces whose normal's y is below this (they slope by less than 60 degrees) are undersides, whose deposits the map seen from above counts.
+/// Faces whose normal has a y below this are undersides, which slope by less than 60 degrees; the map from above counts their
+/// deposits.
 const UNDERSIDE_NORMAL_Y: f32 = -0.5;
 
 /// Number or mass in each texel of all maps, row by row.
@@ -33,8 +34,8 @@ pub type TexelSums = Vec<Vec<f64>>;
 struct ObstacleMaps {
     /// Index of the map of its roof, seen from above.
     roof: usize,
-    /// The sides of a straight obstacle, whose maps follow that of the roof; `None` for a mesh, whose map from above counts
-    /// what clings to its walls too.
+    /// The sides of a straight obstacle, whose maps follow that of the roof; `None` for a mesh, whose map from above also counts
+    /// deposits on its walls.
     sides: Option<[Side; 4]>,
 }
 
@@ -58,8 +59,9 @@ impl DepositionMaps {
                 every: keys.map_every,
             });
         };
-        // The ground is field 0; every obstacle has its roof next, then its walls, so that `roof` is the index of its first field.
-        // Over land the box of the flight begins at its lowest point or at the base of a lattice; a level ground is at 0 in any box.
+        // The ground is field 0; for every obstacle its roof follows, then its walls, so that `roof` is the index of its first
+        // field. Over land the box of the flight begins at its lowest point or at the base of a lattice; a level ground is at 0
+        // in any box.
         let has_land = solids.list().iter().any(|solid| matches!(solid.form, Form::Land(_)));
         let height = if has_land { inside.min.y } else { 0.0 };
         add("ground".into(), top_face(Bounds { max: inside.max.with_y(height), ..inside }));
@@ -76,7 +78,7 @@ impl DepositionMaps {
                     let roof: Vec<&Prism> = solids.projections_of(i).iter().filter_map(prism_of).collect();
                     (prism.plan(&roof), Some(prism.sides()))
                 }
-                // A mesh has no flat sides to map: only what lies on it is counted, as seen from above.
+                // A mesh has no flat sides to map: its deposits are counted on the map from above.
                 Form::Shell(_) => (top_face(solid.bounds()), None),
             };
             add(format!("roof_{}", solid.name), plan);
@@ -113,13 +115,13 @@ impl DepositionMaps {
         sums.into_iter().zip(areas).map(|(sum, area)| sum.into_iter().map(|v| narrow(v / area)).collect()).collect()
     }
 
-    /// Whether a catkin rests on the ground, at the foot of a wall too, and not on an obstacle.
+    /// Whether a catkin rests on the ground, including at the foot of a wall, and not on an obstacle.
     pub fn is_on_ground(&self, place: &RestingPlace) -> bool {
         self.map_index(place) == 0
     }
 
-    /// Index of the map that counts a catkin: on a wall, that of the side whose normal is nearest to the contact normal; on top of
-    /// an obstacle or under its eaves, that of its roof; on the ground, at the foot of a wall too, the ground's.
+    /// Index of the map that counts a catkin: on a wall, that of the side whose normal is nearest to the contact normal; on top
+    /// of an obstacle or under its eaves, that of its roof; on the ground, including at the foot of a wall, that of the ground.
     fn map_index(&self, place: &RestingPlace) -> usize {
         let Some(maps) = place.face.and_then(|i| self.obstacles.get(i as usize)?.as_ref()) else { return 0 };
         match (place.state, &maps.sides) {
@@ -152,7 +154,7 @@ impl DepositionMaps {
             .clone()
             .flat_map(|k| xs.clone().filter(move |i| inside(*i, k)).map(move |i| k * field.width + i))
             .collect();
-        // A disc smaller than a texel may hold no centre: then the texel below it takes all.
+        // A disc smaller than a texel may contain no centre: then add the whole weight to the texel below it.
         let nearest = nearest_texel(y, field.height) * field.width + nearest_texel(x, field.width);
         let texels = if texels.is_empty() { vec![nearest] } else { texels };
         let share = weight / texels.len() as f64;
@@ -164,7 +166,7 @@ fn prism_of(solid: &Solid) -> Option<&Prism> {
     if let Form::Prism(prism) = &solid.form { Some(prism) } else { None }
 }
 
-/// The top of a box as the area of a map: rows run along +X and follow each other along +Z.
+/// The top of a box as the area of a map: rows run along +X and are stacked along +Z.
 fn top_face(bounds: Bounds) -> Side {
     let size = bounds.size();
     Side { corner: bounds.min.with_y(bounds.max.y), along: Vec3::X * size.x, down: Vec3::Z * size.z, normal: Vec3::Y }
@@ -218,7 +220,7 @@ mod tests {
         let roof = &maps.fields[1];
         assert!(roof.corner.distance(Vec3::new(-5.35, 8.0, -4.28)) < 1e-4, "{}", roof.corner);
         assert!((roof.along.length() - 10.7).abs() < 1e-4 && (roof.down.length() - 8.56).abs() < 1e-4);
-        // A deposit on the underside does not count for the back wall, which that face looks towards.
+        // The map of the back wall does not count a deposit on the underside, although that face points towards the back.
         let wall = RestingPlace {
             position: glam::DVec3::new(0.0, 4.6, 4.1),
             mass: 1e-6,

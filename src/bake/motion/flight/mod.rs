@@ -43,15 +43,16 @@ use osier_wind::{ShiftedWind, Wind};
 /// Name of the instance attribute that counts how often a catkin was recycled to its start.
 const GENERATION: &str = "generation";
 
-/// Time constant, s, of the visual settling of a deposited catkin, whose bounding ball touches before its hairs do. Own: by eye;
-/// longer shows it hover, shorter shows it jump.
+/// Time constant, s, with which a deposited catkin settles visually, since its bounding ball touches before its hairs do. Own: by
+/// eye; with a longer one it hovers, with a shorter one it jumps.
 const SETTLE_TIME: f32 = 0.12;
 
-/// Height above a surface below which an analytic wind across it decreases to 0, m. Own: an eddy's size near the ground, where the
-/// default eddies are 4 m; higher: catkins of gusts stay longer in the air, lower: gusts press them down.
+/// Height above a surface, m, below which an analytic wind normal to the surface decreases to 0. Own: the size of eddies near the
+/// ground, where the default eddies are 4 m; higher: catkins of gusts stay longer in the air, lower: gusts press them down.
 const ANALYTIC_BLOCKING_HEIGHT: f64 = 1.0;
 
-/// A flight that can be evaluated at any frame. Frames in rising order cost one step each; an earlier frame restarts it.
+/// A flight that can be evaluated at any frame. Frames in ascending order cost one step each; an earlier frame restarts the
+/// flight.
 #[derive(Debug)]
 pub struct FlightPlayback {
     start: FlightSimulation,
@@ -79,9 +80,9 @@ pub struct FlightPlayback {
 #[derive(Debug)]
 struct FlightState {
     simulation: FlightSimulation,
-    /// Frames done, counted from the start of the spin-up.
+    /// Number of simulated frames, counted from the start of the spin-up.
     frames: u64,
-    /// Offset, m, by which each deposited catkin is drawn closer to the surface that it lies on.
+    /// Offset, m, by which each deposited catkin is drawn closer to the surface on which it rests.
     settled: Vec<Vec3>,
     /// Catkins that crossed a periodic side in the last step.
     side_jumps: SideJumps,
@@ -90,7 +91,7 @@ struct FlightState {
     landed: TexelSums,
     /// Depositions so far in each zone.
     in_zones: Vec<u64>,
-    /// Twigs at the last frame in which a catkin waited at one; `None` before and after a restart.
+    /// Positions of the twigs at the last frame in which a catkin waited at one; `None` before that and after a restart.
     twigs: Option<TwigPositions>,
 }
 
@@ -98,7 +99,7 @@ struct FlightState {
 pub(crate) struct FlightSetup<'a> {
     pub recipe: &'a Recipe,
     pub flight: &'a FlightRecipe,
-    /// Box of the flight, m; its sides are the side boundary.
+    /// Box of the flight, m; the side boundary conditions apply at its sides.
     pub domain: Bounds,
     /// Obstacles and land, with which catkins collide.
     pub solids: Arc<Solids>,
@@ -111,7 +112,7 @@ pub(crate) struct FlightSetup<'a> {
 impl FlightPlayback {
     /// A flight before its spin-up, with its random starts drawn; nothing is simulated yet.
     /// # Errors
-    /// Those of the motions of plants that release catkins.
+    /// Errors of the motions of plants that release catkins.
     pub(crate) fn new(
         scene: &FlightSetup<'_>,
         wind: &Arc<SceneWind>,
@@ -121,7 +122,7 @@ impl FlightPlayback {
         let keys = &scene.flight.keys;
         let params = flight_params(scene, models);
         let spin_up = SpinUp::new(keys.spin_up, params.fps);
-        // Catkins of a canopy start where its twigs are at the beginning of the spin-up.
+        // Catkins of a canopy start at the positions of its twigs at the beginning of the spin-up.
         let (starts, sites) = match keys.release {
             FlightRelease::Canopy => {
                 let twigs = canopy.positions(frame_time(-spin_up.frames.cast_signed(), params.fps))?;
@@ -129,11 +130,12 @@ impl FlightPlayback {
             }
             _ => (sky_and_point_releases(scene, &params), Vec::new()),
         };
-        // The number of catkins need not be that of the key: a file of points gives as many as it has.
+        // The number of catkins may differ from the key: a file of points determines it by its number of points.
         let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
         let trails = new_trajectories(scene, start.options());
         let settled = vec![Vec3::ZERO; start.len()];
-        // All sums begin at 0; maps of landings add up over the clip, those of deposits are made anew in each frame.
+        // All sums begin at 0. Maps of landings accumulate over the clip; maps of resting catkins are computed anew in each
+        // frame.
         let deposits = DepositionMaps::new(keys, scene.domain, &scene.solids);
         let landed = if deposits.cumulative { deposits.empty_sums() } else { TexelSums::new() };
         let mut state = FlightState {
@@ -166,7 +168,7 @@ impl FlightPlayback {
         })
     }
 
-    /// Whether it has no catkin, not even one that waits for its release.
+    /// Whether the flight has no catkins, not even catkins that wait for their release.
     pub fn is_empty(&self) -> bool {
         self.start.is_empty()
     }
@@ -240,8 +242,8 @@ impl FlightPlayback {
         })
     }
 
-    /// Number of a frame counted from the clip's first, negative during the spin-up. `simulated`: frames since the start of the
-    /// spin-up.
+    /// Number of a frame counted from the clip's first, negative during the spin-up. `simulated`: number of frames since the
+    /// start of the spin-up.
     fn clip_frame(&self, simulated: u64) -> i64 {
         // Both numbers are below 2^32, so that the casts keep their values.
         simulated.cast_signed() - self.spin_up.frames.cast_signed()
@@ -299,20 +301,21 @@ impl FlightPlayback {
         let twigs_at = |frame: u64| self.canopy.positions(frame_time(self.clip_frame(frame), fps));
         let before = state.twigs.take().map_or_else(|| twigs_at(state.frames), Ok)?;
         let after = twigs_at(state.frames + 1)?;
-        // Of a shorter first interval only the last part is simulated.
+        // If the first interval is shorter, only its last part is simulated.
         let simulated = if state.frames == 0 { self.spin_up.first_share(fps) } else { 1.0 };
         for k in 0..substeps {
             let share = 1.0 - simulated + simulated * (f64::from(k) / f64::from(substeps));
             self.move_pending_with_twigs(state, [&before, &after], share);
             self.advance_substep(state, wind);
         }
-        // The frame shows those that still wait where their twigs are at its end, not at the beginning of its last step.
+        // At the end of the frame, move the waiting catkins to the positions of their twigs at that time, not at the beginning of
+        // the last step.
         self.move_pending_with_twigs(state, [&before, &after], 1.0);
         state.twigs = Some(after);
         Ok(())
     }
 
-    /// Moves catkins that wait to where their twigs are at a share, 0 to 1, of the time between two frames.
+    /// Moves waiting catkins to the positions of their twigs at a share, 0 to 1, of the time between two frames.
     fn move_pending_with_twigs(&self, state: &mut FlightState, twigs: [&TwigPositions; 2], share: f64) {
         let duration = 1.0 / state.simulation.options().fps;
         let site = |id: u32| self.sites.get(to_usize(id))?.catkin_between_frames(twigs, share, duration);
@@ -347,12 +350,12 @@ impl FlightPlayback {
     }
 
     /// Lowers deposited catkins until their lowest hair touches, and raises those that lift off again, with the time constant
-    /// [`SETTLE_TIME`]. Only their drawing moves, not the simulation.
+    /// [`SETTLE_TIME`]. This changes only where they are drawn, not the simulation.
     fn lower_drawn_deposits(&self, state: &mut FlightState) {
         if !self.settle {
             return;
         }
-        // Exponential approach: after one frame the share 1 - exp(-dt/tau) of the remaining way is done.
+        // Exponential approach: a frame covers the share 1 - exp(-dt/tau) of the remaining distance.
         let share = 1.0 - osier_base::math::exp_f32(-narrow(1.0 / state.simulation.options().fps) / SETTLE_TIME);
         let FlightState { simulation, settled, .. } = state;
         for (c, settled) in simulation.by_id().zip(settled) {
@@ -362,7 +365,7 @@ impl FlightPlayback {
     }
 
     /// Vector from the lowest hair to the lowest point of the bounding ball, m, along the normal of the surface. In a corner of
-    /// wall and ground the ground's normal counts.
+    /// wall and ground the normal of the ground is used.
     fn gap_below_hairs(&self, c: &Catkin) -> Vec3 {
         let normal = if c.state() == CatkinState::Corner { Vec3::Y } else { c.rests_on().1 };
         let out = c.turn().conjugate() * normal;
@@ -408,7 +411,7 @@ impl AssetMotion for FlightPlayback {
 }
 
 impl FlightState {
-    /// Takes note of the catkins that have changed sides in this frame.
+    /// Records the catkins that have crossed a periodic side in this frame.
     fn follow_side_jumps(&mut self) {
         let Self { simulation, side_jumps, .. } = self;
         side_jumps.follow(simulation);
@@ -423,14 +426,15 @@ impl FlightState {
         }
     }
 
-    /// [`FlightState::instance_state`] as the asset shows it, whose frames programs interpolate: catkins that change sides are hidden.
+    /// [`FlightState::instance_state`] as the asset shows it: catkins that cross a periodic side are hidden, because programs
+    /// interpolate between frames.
     fn shown_state(&self) -> InstanceState {
         let mut state = self.instance_state();
         self.side_jumps.hide(&mut state);
         state
     }
 
-    /// Transforms and attributes of all catkins, settling included, in the order of their ids.
+    /// Transforms and attributes of all catkins, including the visual settling, in the order of their ids.
     fn instance_state(&self) -> InstanceState {
         let s = self.simulation.frame();
         let number = |v: &u32| attribute_number(*v);
@@ -450,7 +454,7 @@ impl FlightState {
     }
 }
 
-/// Trajectories as long as `flight.trails`; `None` where it is 0. A catkin that moves by more than half the domain's width in a
+/// Trajectories of the length `flight.trails`; `None` if it is 0. A catkin that moves by more than half the domain's width in a
 /// frame was recycled or wrapped.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
 fn new_trajectories(scene: &FlightSetup<'_>, params: &FlightParams) -> Option<Trajectories> {
@@ -474,7 +478,7 @@ impl SpinUp {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
     fn new(seconds: f64, fps: f64) -> Self {
         let exact = seconds * fps;
-        // Rounding errors of frame rates such as 29.97 make no interval of their own.
+        // Rounding errors of frame rates such as 29.97 must not add an interval.
         let frames = (exact - 1e-6).ceil().max(0.0);
         let first = (exact - (frames - 1.0)) / fps;
         let is_whole = frames < 1.0 || (exact - frames).abs() < 1e-6;
@@ -542,10 +546,10 @@ fn flight_params(scene: &FlightSetup<'_>, models: &[CatkinModel]) -> FlightParam
     }
 }
 
-/// Boundary conditions of the sides across x and across z: those of the keys, else those that fit the wind and the release.
+/// Boundary conditions of the sides across x and across z: those of the keys, otherwise those that suit the wind and the release.
 fn side_boundaries(scene: &FlightSetup<'_>) -> [SideBoundary; 2] {
-    // Sides at which the lattice wind is periodic are periodic for catkins too. At others, catkins released all over the sky
-    // are recycled, which keeps their number, and others leave.
+    // Sides at which the lattice wind is periodic are periodic for catkins too. At other sides, catkins released from the whole
+    // sky are recycled, which keeps their number constant, and other catkins leave.
     let keys = &scene.flight.keys;
     let lattice = scene.cell_size.is_some();
     let periodic = if lattice { scene.recipe.lattice_options().periodic_sides() } else { [false; 2] };
@@ -589,7 +593,7 @@ fn sky_and_point_releases(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec
 mod tests {
     use super::*;
 
-    /// The same time at any frame rate; whole frames have no shorter interval.
+    /// The spin-up takes the same time at any frame rate; a whole number of frames has no shorter interval.
     #[test]
     fn a_spin_up_lasts_as_long_at_any_frame_rate() {
         for fps in [1.0, 12.0, 24_000.0 / 1001.0, 24.0, 25.0, 60.0] {

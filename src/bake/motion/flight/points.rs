@@ -21,7 +21,8 @@ struct CatkinPoint {
     scale: f32,
 }
 
-/// All catkins of a state but those that have left the domain, in the order of their ids, where they are drawn.
+/// All catkins of a state except those that have left the domain, in the order of their ids, at the positions where they are
+/// drawn.
 pub(super) fn catkin_points(state: &FlightState) -> RecordTable {
     let drawn = state.instance_state();
     let poses = drawn.positions.iter().zip(&drawn.orientations).zip(&drawn.velocities);

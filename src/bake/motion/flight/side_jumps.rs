@@ -1,41 +1,42 @@
-//! Catkins that a periodic side brings to the other side of the domain, which are not drawn while they get there.
+//! Catkins that a periodic side moves to the other side of the domain; they are hidden while they cross.
 
 use glam::Vec3;
 
 use osier_motion::flight::{FlightParams, FlightSimulation, SideBoundary};
 use osier_scene::InstanceState;
 
-/// Frames for which a catkin is hidden when it changes sides, as a recycled one: one on the way on beyond its side, one at its new
-/// position, so that interpolation between frames draws nothing across the domain.
+/// Number of frames for which a catkin that crosses a side is hidden, as a recycled one: in the first it continues beyond its
+/// side, in the second it is at its new position, so that interpolation between frames draws nothing across the domain.
 const HIDDEN_FRAMES: u8 = 2;
 
-/// Changes of sides, frame by frame.
+/// Crossings of periodic sides, frame by frame.
 #[derive(Debug, Default)]
 pub(super) struct SideJumps {
     /// Positions at the last frame, m, by id; empty before the first.
     places: Vec<Vec3>,
-    /// By id; empty without periodic sides.
+    /// The latest crossing of each catkin, by id; empty without periodic sides.
     jumps: Vec<SideJump>,
 }
 
-/// A catkin's latest change of sides.
+/// A catkin's latest crossing of a periodic side.
 #[derive(Debug, Clone, Copy, Default)]
 struct SideJump {
-    /// Frames for which it is still hidden, the present one included; 0 if it is visible.
+    /// Number of frames for which the catkin remains hidden, including the present one; 0 if it is visible.
     hidden: u8,
-    /// From its position to where it would be if the domain went on beyond the side, m; 0 from the second hidden frame on.
+    /// Vector from the catkin's position to its position in a domain continued beyond the side, m; 0 from the second hidden
+    /// frame.
     back: Vec3,
 }
 
 impl SideJumps {
-    /// Takes note of the positions at a frame. Frames must follow each other.
+    /// Records the positions at a frame. Must be called for each frame in order.
     pub(super) fn follow(&mut self, simulation: &FlightSimulation) {
         let FlightParams { inside, edges, .. } = simulation.options();
         if !edges.contains(&SideBoundary::Periodic) {
             return;
         }
         let size = inside.size();
-        // Along a periodic axis a catkin that moves by more than half of the domain in a frame has changed sides.
+        // A catkin that moves by more than half of the domain along a periodic axis in a frame has crossed the side.
         let beyond = |edge: SideBoundary, way: f32, size: f32| {
             if edge == SideBoundary::Periodic && way.abs() > size / 2.0 { -size.copysign(way) } else { 0.0 }
         };
@@ -55,8 +56,8 @@ impl SideJumps {
         self.places = places;
     }
 
-    /// Hides the catkins that change sides at this frame, and moves them to where they are drawn meanwhile. `state`: of all catkins,
-    /// by id.
+    /// Hides the catkins that cross a side at this frame, and moves them to the positions at which they are drawn meanwhile.
+    /// `state`: state of all catkins, by id.
     pub(super) fn hide(&self, state: &mut InstanceState) {
         for ((jump, alive), position) in self.jumps.iter().zip(&mut state.alive).zip(&mut state.positions) {
             if jump.hidden > 0 {
@@ -86,7 +87,7 @@ mod tests {
         state
     }
 
-    /// While a catkin is seen, and up to the frame in which it is hidden, it moves on: nothing is drawn across the domain.
+    /// A visible catkin, up to the frame in which it is hidden, moves continuously: nothing is drawn across the domain.
     #[test]
     fn catkins_are_hidden_while_they_change_sides() {
         let inside = Bounds { min: Vec3::new(-5.0, 0.0, -5.0), max: Vec3::new(5.0, 30.0, 5.0) };

@@ -35,15 +35,15 @@ const STATE_COLUMNS: [(&str, &str); 18] = [
 /// Columns that count events from the start of the spin-up to a frame.
 const TOTAL_COLUMNS: [&str; 7] = ["merges", "deposits", "lift_offs", "falls", "recycled", "left", "long_steps"];
 
-/// Columns of a lattice wind: how often so far a cell's speed was cut to the largest, the checkerboard amplitude of the
-/// density, and the mean density less 1.
+/// Columns of a lattice wind: number of times that the speed of a cell was limited, the checkerboard amplitude of the density,
+/// and the mean density less 1.
 const LATTICE_COLUMNS: [&str; 3] = ["wind_clamps", "wind_checkered", "wind_mass_error"];
 
 /// Checkerboard amplitude of the density (lattice units) above which a warning says that the lattice is unstable. Guessed, not
 /// measured; a smaller value warns earlier.
 const MAX_CHECKERBOARD: f64 = 1e-3;
 
-/// Number of solids whose deposits a sweep lists as its outcome.
+/// Number of solids whose deposits a sweep lists among its outcomes.
 const COMPARED_SOLIDS: usize = 4;
 
 /// Names of the places at which the table of a flight counts depositions.
@@ -81,7 +81,7 @@ pub fn flight_table(
     let totals = events.filter_map(find).collect();
     let mut outcome: Vec<usize> = plot(&["exited", "grounded", "corner", "lift_offs"]);
     outcome.extend(solids.iter().take(COMPARED_SOLIDS).filter_map(|name| find(&format!("at_{name}"))));
-    // A scene that maps depositions compares those at its solids, too; zones are there to be compared.
+    // If the scene maps depositions, those at its solids are outcomes, too; zones always are.
     if keys.map_counts == DepositEvent::Landings {
         outcome.extend(solids.iter().take(COMPARED_SOLIDS).filter_map(|name| find(&format!("landed_{name}"))));
     }
@@ -152,7 +152,7 @@ pub struct PlaceCounts<'a> {
     pub in_zones: &'a [u64],
 }
 
-/// Values of one row in the order of the columns of [`flight_table`]; NaN for means without anything to take them of.
+/// Values of one row in the order of the columns of [`flight_table`]; NaN for the mean of an empty set.
 pub fn flight_row(t: &FlightStats, at: PlaceCounts<'_>, lattice: Option<LatticeStats>) -> Vec<f64> {
     let counts = [
         t.pending,
@@ -216,7 +216,7 @@ mod tests {
         }
     }
 
-    /// A sweep prints and plots what the scene asks to count.
+    /// A sweep prints and plots the counts that the scene asks for.
     #[test]
     fn zones_and_mapped_depositions_are_outcomes() {
         let outcome = |map_counts: DepositEvent, zones: &[&str]| -> Vec<String> {

@@ -13,7 +13,7 @@ use osier_scene::{Curves, InstanceState};
 pub struct Trajectories {
     /// Number of points of each line, at least 2.
     length: usize,
-    /// Distance, m, above which a frame's movement is a jump and not a flight.
+    /// Distance, m, above which the movement in one frame is a jump, not flight.
     max_step: f32,
     points: Vec<Vec3>,
     generations: Vec<i32>,
@@ -95,7 +95,7 @@ mod tests {
         t.push(&at(1.0, true), &[0]);
         t.push(&at(2.0, true), &[0]);
         assert_eq!(xs(&t), [0.0, 1.0, 2.0]);
-        // Come back near by, wrapped to the other side, not seen: no line leads there.
+        // The catkin returns near by, is wrapped to the other side, and is invisible: no line leads to these positions.
         t.push(&at(3.0, true), &[1]);
         assert_eq!(xs(&t), [3.0, 3.0, 3.0]);
         t.push(&at(4.0, true), &[1]);

@@ -18,17 +18,17 @@ pub(super) struct FlightVolumes {
     counted: Vec<CatkinPhase>,
 }
 
-/// Phase of the catkins that a grid counts; it decides the grid's unit, 1/m^3 or 1/m^2.
+/// Phase of the catkins that a grid counts; it determines the unit of the grid, 1/m^3 or 1/m^2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CatkinPhase {
     /// In flight, per volume of a cell.
     Airborne,
-    /// At rest, per area of a cell's face, in the cell that they rest in.
+    /// At rest, per area of a cell's face, in the cell that contains them.
     Deposited,
 }
 
 impl FlightVolumes {
-    /// The grids that a recipe with a flight of `count` catkins asks for; empty without a domain for volumes. `inside`: box of the
+    /// The grids that a recipe requests for a flight of `count` catkins; empty without a domain for volumes. `inside`: box of the
     /// flight, m, whose base is that of the cells.
     pub(super) fn from_recipe(recipe: &Recipe, count: u32, inside: Bounds) -> Self {
         let output = &recipe.output;

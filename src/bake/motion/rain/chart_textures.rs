@@ -1,5 +1,5 @@
-//! Resamples the textures of leaves whose water maps need a separate chart to that chart: the files of a wet leaf then have one
-//! set of texture coordinates, by which both its textures and its water maps are looked up.
+//! Resamples the textures of leaves whose water maps need a separate chart to that chart, so that the files of a wet leaf have
+//! one set of texture coordinates for both its textures and its water maps.
 
 use std::collections::VecDeque;
 
@@ -128,14 +128,14 @@ fn rotate_normal(value: [f64; 4], most: f64, texture: [DVec3; 2], chart: [DVec3;
     let decode = |c: f64| 2.0 * c / most - 1.0;
     let encode = |c: f64| ((0.5 * c + 0.5) * most).clamp(0.0, most);
     let slope = t * decode(value[0]) + b * decode(value[1]);
-    // The part along the normal is the same in both, since both tangent spaces lie in the blade.
+    // The component along the normal is the same in both tangent spaces, since both lie in the blade.
     [encode(slope.dot(u)), encode(slope.dot(v)), value[2], value[3]]
 }
 
-/// Gives texels beyond the blade the values of the nearest ones on it, so that filters find no edge at the margin.
+/// Copies the values of the nearest texels on the blade to the texels beyond it, so that filters find no edge at the margin.
 fn fill_beyond_blade(texels: &mut [Option<[f64; 4]>], width: usize) {
     let mut open: VecDeque<usize> = (0..texels.len()).filter(|k| texels[*k].is_some()).collect();
-    // Breadth-first search from all texels on the blade at once reaches each empty texel from a nearest one.
+    // A breadth-first search from all texels on the blade at once reaches each empty texel from the nearest one.
     while let Some(k) = open.pop_front() {
         let x = k % width;
         let near = [

@@ -10,7 +10,8 @@ use osier_base::math::narrow;
 use osier_motion::rain::{DropEventKind, RainEvent, RainFrame, RainLeaf, SessileDrop, sphere_diameter};
 use osier_scene::{CodeList, RecordColumn, RecordTable, attribute_number};
 
-/// Frames for which a slot stays empty after its drop is gone, so that motion blur does not streak from one drop to the next.
+/// Number of frames for which a slot stays empty after its drop is gone, so that motion blur does not draw a streak to the next
+/// drop in it.
 const SLOT_PAUSE: u64 = 2;
 /// Speed above which a drop on a leaf counts as running, m/s. Own: by eye; a smaller speed counts creeping drops too.
 pub(super) const RUNNING_SPEED: f64 = 1e-3;
@@ -29,7 +30,7 @@ enum DropState {
     Running,
     /// Pendant at a leaf's margin.
     Hanging,
-    /// A cap of the tail of the drop that precedes it in the list, with a share of that drop's water.
+    /// A cap of the tail of the drop that precedes it in the list; it contains a share of that drop's water.
     Tail,
 }
 
@@ -66,7 +67,7 @@ struct DropRecord {
     velocity: Vec3,
     /// Radius, m: of the footprint, of the circle that the drop hangs from, or of the airborne drop.
     a: f32,
-    /// Height of the cap over the leaf, m; 0 for drops that do not lie on one.
+    /// Height of the cap above the leaf, m; 0 for drops that do not lie on a leaf.
     height: f32,
     /// Stretch q of the footprint, 1 for a circle: its semi-axes are `a` q along `axis` and `a` / q across it.
     q: f32,
@@ -74,7 +75,7 @@ struct DropRecord {
     s: f32,
     /// Long axis of the footprint, or direction of hanging; a unit vector, 0 in the air.
     axis: Vec3,
-    /// Necking of a pendant drop: 0 without, 1 when it detaches.
+    /// Necking of a pendant drop: 0 for none, 1 at detachment.
     thin: f32,
 }
 
@@ -83,7 +84,7 @@ struct DropRecord {
 struct LeafRecord {
     /// Number of the leaf, as [`DropRecord::leaf`].
     leaf: u32,
-    /// Drops on it that rest, run or hang.
+    /// Number of drops that rest on the leaf, run on it or hang from it.
     drops: u32,
     /// Volume of these drops, m^3.
     volume: f64,
@@ -100,7 +101,7 @@ struct LeafRecord {
 pub(super) fn number_drops(frames: &[RainFrame]) -> Result<BTreeMap<u64, u32>> {
     let mut known = BTreeMap::new();
     for frame in frames {
-        // Ids are hashes; small numbers in the order of appearance stay the same when the clip is prolonged.
+        // Ids are hashes. Small numbers in the order of appearance do not change when the clip is made longer.
         let on_leaves = frame.sessile.iter().map(|d| d.id).chain(frame.pendant.iter().map(|d| d.id));
         let in_frame = on_leaves.chain(frame.airborne.iter().map(|d| d.id));
         let in_events = frame.events.iter().flat_map(|e| e.other.into_iter().chain([e.id]));
@@ -149,7 +150,7 @@ pub(super) fn drop_points(frame: &RainFrame, leaves: &[RainLeaf], numbers: &BTre
     RecordTable { name: "drops", columns }
 }
 
-/// Records of all drops: sessile ones with each head's tail right behind it, then pendant ones, then airborne ones.
+/// Records of all drops: sessile ones, each followed by its tail, then pendant ones, then airborne ones.
 fn drop_records(frame: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -> u32) -> Vec<DropRecord> {
     let mut records = Vec::new();
     for d in &frame.sessile {
@@ -253,7 +254,7 @@ fn leaf_table(frame: &RainFrame) -> RecordTable {
             rotation: blade.orientation.as_quat(),
         })
         .collect();
-    // The water on a leaf is that of drops that rest or run on it and of those that hang at its margin.
+    // The water on a leaf is that of drops that rest or run on it, and of drops that hang from its margin.
     let sessile = frame.sessile.iter().map(|d| (d.leaf, d.volume));
     for (leaf, volume) in sessile.chain(frame.pendant.iter().map(|d| (d.leaf, d.volume))) {
         leaves[leaf].drops += 1;
@@ -312,7 +313,7 @@ fn record_sessile_drop(frame: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: 
     let tail = d.caps.len().saturating_sub(1) as u32;
     // Cap 0 is the head; only it is deformed by the motion, the caps of the tail are spherical.
     for (k, bead) in d.caps.iter().enumerate() {
-        // Texture coordinates find the point on the blade, the pose of the blade carries it into the world.
+        // The texture coordinates determine the point on the blade; the pose of the blade transforms it to the world.
         let p = blade.position + blade.orientation * leaf.point_at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
         let (q, s) = if k == 0 { (d.deformation.stretch, d.deformation.skew) } else { (1.0, 0.0) };
         out.push(DropRecord {
@@ -332,8 +333,8 @@ fn record_sessile_drop(frame: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: 
     }
 }
 
-/// Slots of the airborne drops of each frame, and how many slots the clip needs. A drop keeps its slot while it falls; a slot that
-/// becomes free pauses for [`SLOT_PAUSE`] frames before the lowest free one is used again.
+/// Slots of the airborne drops of each frame, and the number of slots that the clip needs. A drop keeps its slot while it falls;
+/// a slot that becomes free is not used for [`SLOT_PAUSE`] frames, after which the lowest free slot is used first.
 pub(super) fn assign_point_slots(frames: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
     // Slot of each airborne drop, and the last frame that contains it.
     let mut held: BTreeMap<u64, (u32, u64)> = BTreeMap::new();
@@ -342,7 +343,8 @@ pub(super) fn assign_point_slots(frames: &[RainFrame]) -> (Vec<Vec<u32>>, usize)
     let mut count = 0_u32;
     let mut all = Vec::new();
     for (number, frame) in (0_u64..).zip(frames) {
-        // Slots whose pause is over return to the free ones; `insert` is true for each of them, which drops it from the list.
+        // Return the slots whose pause has ended to the free slots; `insert` is true for each of them, which removes it from the
+        // list.
         pausing.retain(|(until, slot)| *until > number || !free.insert(*slot));
         let mut in_frame = Vec::with_capacity(frame.airborne.len());
         for drop in &frame.airborne {

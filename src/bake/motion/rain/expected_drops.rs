@@ -1,5 +1,5 @@
-//! Estimates the numbers of drops that a bake of rain writes. An estimate simulates one frame without spin-up and needs them
-//! for sizes.
+//! Estimates the numbers of drops that a bake of rain writes. An estimate simulates only one frame without spin-up, and needs the
+//! numbers to predict file sizes.
 
 use glam::Vec3;
 
@@ -13,10 +13,10 @@ use osier_base::physics::GRAVITY;
 use osier_motion::rain::{DropDetail, RainEmitter};
 use osier_scene::{Asset, Mesh, MeshMotion, MeshObject};
 
-/// Constants of the estimate, measured on the tutorial's sapling in 5 to 60 mm/h and on a storm over an oak.
+/// Constants of the estimate, measured on the sapling of the tutorial in 5 to 60 mm/h and on a storm over an oak.
 mod tuning {
-    /// Effective speed of falling drops on Earth, m/s: fall height divided by the mean time in the air. It lies above the mean speed of
-    /// drops, because leaves intercept drops early. Smaller values expect more drops in the air.
+    /// Effective speed of falling drops on Earth, m/s: fall height divided by the mean time in the air. It exceeds the mean speed
+    /// of drops, because leaves intercept drops early. With smaller values more drops are expected in the air.
     pub(super) const FALL_SPEED: f64 = 5.5;
     /// Height of the emitter above the plants, m.
     pub(super) const EMITTER_HEIGHT: f64 = 1.0;
@@ -26,7 +26,8 @@ mod tuning {
     pub(super) const MAX_RESIDENCE_TIME: f64 = 4.0;
     /// Radius of a typical drop on a leaf in natural rain, m.
     pub(super) const DROP_RADIUS: f64 = 1e-3;
-    /// The same in rain of drops of one size, divided by their diameter: that of half a sphere, which takes the volume of a whole one.
+    /// Radius of a typical drop on a leaf divided by the diameter of falling drops, in rain of drops of one size: a half sphere
+    /// of the same volume.
     pub(super) const RADIUS_PER_DIAMETER: f64 = 0.63;
 }
 
@@ -40,12 +41,12 @@ pub(super) struct ExpectedDrops {
     /// Triangles of these meshes.
     triangles: usize,
     /// World position of a leaf, m.
-    leaf: Vec3,
+    leaf_position: Vec3,
 }
 
 impl ExpectedDrops {
-    /// Expects drops from the flux of the emitter, the height of the plants and the area of their leaves.
-    /// `height`: of the plants' bounds, m.
+    /// Estimates the numbers from the flux of the emitter, the height of the plants and the area of their leaves. `height`:
+    /// height of the plants' bounds, m.
     pub(super) fn new(
         emitter: &RainEmitter,
         height: f64,
@@ -58,7 +59,7 @@ impl ExpectedDrops {
         let fall_time = (height + tuning::EMITTER_HEIGHT) / speed;
         let airborne = emitter.mean_drop_rate() * fall_time;
         let area: f64 = leaves.iter().map(|f| f.surface.area() * f.scale * f.scale).sum();
-        // The mean over the clip of a number that grows until drops run off as fast as new ones come.
+        // The number of drops on leaves grows until as many run off as arrive; take its mean over the clip.
         let clip = recipe.clip.len() as f64 / recipe.clip.fps();
         let keys = recipe.rain.as_ref().map(|rain| &rain.keys);
         let spin_up = keys.map_or(0.0, |k| k.spin_up);
@@ -72,22 +73,23 @@ impl ExpectedDrops {
             _ => tuning::DROP_RADIUS,
         };
         let size = DropDetail::at_distance(radius, distance).typical_size(radius);
-        let leaf = leaves.first().map_or(Vec3::ZERO, |leaf| leaf.position.as_vec3());
+        let leaf_position = leaves.first().map_or(Vec3::ZERO, |leaf| leaf.position.as_vec3());
         Self {
             airborne: to_count(airborne),
             vertices: to_count(meshed * size.vertices),
             triangles: to_count(meshed * size.triangles),
-            leaf,
+            leaf_position,
         }
     }
 
-    /// Extends the asset of drops of an estimate to as many points and vertices, all at one place: only their number counts.
+    /// Extends the asset of drops of an estimate to these numbers of points and vertices, all at one position, because only their
+    /// number matters.
     pub(super) fn fill(self, asset: &mut Asset) {
         for cloud in &mut asset.points {
             cloud.positions.resize(self.airborne.max(cloud.positions.len()), Vec3::ZERO);
             cloud.widths.resize(cloud.positions.len(), 0.0);
         }
-        // The frame that was simulated may have no drop on a leaf, for which a still scene has no mesh.
+        // The simulated frame may have no drop on a leaf; a still scene then has no mesh.
         if asset.meshes.is_empty() && self.vertices > 0 {
             let (name, mesh) = ("drops".into(), Mesh::default());
             asset.meshes.push(MeshObject { name, mesh, motion: MeshMotion::Still, skin: None });
@@ -95,7 +97,7 @@ impl ExpectedDrops {
         for object in &mut asset.meshes {
             let mesh = &mut object.mesh;
             if mesh.points.len() < self.vertices {
-                let points = vec![self.leaf; self.vertices];
+                let points = vec![self.leaf_position; self.vertices];
                 *mesh = Mesh { points, triangles: vec![[0; 3]; self.triangles], ..Mesh::default() };
             }
         }

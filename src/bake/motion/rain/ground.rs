@@ -9,8 +9,8 @@ use osier_motion::rain::GroundHeight;
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Terrain;
 
-/// Depth, m, below the lowest point of all plants and solids at which drops are removed in scenes without a ground. Own: out of
-/// the camera's sight; deeper keeps more drops in the air.
+/// Depth, m, below the lowest point of all plants and solids at which drops are removed in scenes without a ground. Own:
+/// invisible to the camera; a greater depth keeps more drops in the air.
 const REMOVAL_DEPTH: f64 = 0.1;
 
 /// The surface below the plants that absorbs drops.

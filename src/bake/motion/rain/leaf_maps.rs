@@ -34,12 +34,13 @@ pub fn leaf_map_frame(maps: &LeafMaps, water: bool) -> MapFrame {
     MapFrame { layers: layers.into_iter().chain(water.then(|| scalar(&maps.water))).collect() }
 }
 
-/// Record of which leaves of an asset were separated because they have maps, to repeat it in each frame.
+/// Record of the leaves of an asset that were separated because they have maps, with which each frame is separated in the same
+/// way.
 #[derive(Debug, Clone, Default)]
 pub struct SeparatedLeaves {
     /// Per instancer and instance: whether the instance stays in its instancer.
     kept: Vec<Vec<bool>>,
-    /// Whether the separated leaves are instances of further instancers after the old ones; otherwise they are meshes.
+    /// Whether the separated leaves are instances of additional instancers after the original ones; otherwise they are meshes.
     instanced: bool,
 }
 
@@ -88,9 +89,9 @@ pub struct AddedLeafMaps {
     pub separated: Vec<SeparatedLeaves>,
 }
 
-/// Takes mapped leaves out of their instancers and gives each a mesh with a wet material and a map sequence. Leaves that move
-/// off their joints stay instances, each with a separate prototype: a frame then carries one transform instead of all points.
-/// `images`: textures of the scene; empty in an estimate.
+/// Removes mapped leaves from their instancers and gives each a mesh with a wet material and a map sequence. Leaves that move
+/// relative to their joints stay instances, each with a separate prototype, so that a frame carries one transform instead of all
+/// points. `images`: textures of the scene; empty in an estimate.
 /// # Errors
 /// `TooMany` beyond 2^32 sequences, materials or images.
 pub fn add_leaf_maps(
@@ -101,7 +102,7 @@ pub fn add_leaf_maps(
     mapped_leaves: &[SelectedLeaf],
     recipe: &Recipe,
 ) -> Result<AddedLeafMaps> {
-    // Number of each leaf on its plant, which names its mesh and maps.
+    // Number of each leaf on its plant, which is part of the names of its mesh and maps.
     let mut leaf_counts = vec![0_usize; assets.len()];
     let mut numbers = vec![0_usize; leaves.len()];
     for (number, leaf) in numbers.iter_mut().zip(leaves) {
@@ -154,10 +155,10 @@ pub fn add_leaf_maps(
             layers: LAYERS.into_iter().chain(recipe.maps.water.then_some(WATER_LAYER)).collect(),
             rest: None,
         });
-        // Removal waits until all leaves are done: indices of instances must not shift before.
+        // Remove instances only after all leaves are processed, because their indices must not shift before.
         removed.insert(leaf.instance);
     }
-    // Filter the instancers; those that lose their last leaf are removed.
+    // Filter the instancers; remove those without remaining leaves.
     let mut separated = Vec::new();
     for (a, asset) in assets.iter_mut().enumerate() {
         let is_kept = |instancer, instance| !removed.contains(&LeafInstanceIndex { asset: a, instancer, instance });
@@ -201,7 +202,7 @@ fn inverted(mask: &[bool]) -> Vec<bool> {
     mask.iter().map(|keep| !keep).collect()
 }
 
-/// Materials whose textures were resampled to the chart of a blade, so that leaves with the same blade share them.
+/// Materials whose textures were resampled to the chart of a blade; leaves with the same blade share them.
 #[derive(Default)]
 struct ChartedMaterials {
     /// Blade and material, and the material that replaces it.
@@ -249,7 +250,7 @@ fn assign_wet_material(mesh: &mut Mesh, materials: &mut Vec<Material>, name: &st
     for Subset { material, .. } in &mut mesh.subsets {
         let next = index(materials.len(), "materials of a scene")?;
         let id = *own.entry(*material).or_insert(next);
-        // Only the first subset with a material makes the copy; `entry` returns the known one to the others.
+        // Only the first subset with a material makes the copy; for others `entry` returns the existing copy.
         if id == next
             && let Some(plain) = materials.get(*material as usize).cloned()
         {
@@ -283,7 +284,7 @@ pub fn separate_frame_instances(frame: &mut AssetFrame, leaves: &SeparatedLeaves
             wet.push(InstancerFrame::Same);
         }
     }
-    // As in the asset: an instancer without a leaf left is gone, and instancers of mapped leaves follow the others.
+    // As in the asset: instancers without leaves are removed, and instancers of mapped leaves are appended.
     let mut masks = leaves.kept.iter();
     frame.instancers.retain(|_| masks.next().is_none_or(|keep| keep.contains(&true)));
     frame.instancers.extend(wet);

@@ -53,14 +53,14 @@ use osier_scene::{
 };
 use osier_wind::{ShiftedWind, Wind};
 
-/// Least number of time steps per frame and per second where rods need no more. Own: a drop of 2 mm then falls about 3 cm per step;
-/// with a step of a 32nd of a second a tenth of the drops hang at margins that hang there with this or a shorter one.
+/// Least number of time steps per frame and per second if rods do not require more. Own: a drop of 2 mm then falls about 3 cm per
+/// step; with a step of 1/32 s only a tenth as many drops hang from margins as with this step or a shorter one.
 const DEFAULT_SUBSTEPS: u32 = 8;
 const DEFAULT_STEPS_PER_SECOND: f64 = 192.0;
 /// Bytes of recorded drops that count as one key of the limit `motion-keys`.
 const BYTES_PER_KEY: u64 = 64;
-/// Gravity below which a message about too many drops names it, m/s^2. Own: that of the Moon, under which drops fall 2.5 times as
-/// slowly as on Earth, is 1.62.
+/// Gravity, m/s^2, below which a message about too many drops mentions it. Own: that of the Moon, under which drops fall 2.5
+/// times as slowly as on Earth, is 1.62.
 const SLOW_GRAVITY: f64 = 1.6;
 /// Name of the quantity counted against the limit `motion-keys`, for its message.
 const LIMITED_QUANTITY: &str = "the number of leaves and raindrops times frames";
@@ -74,11 +74,11 @@ struct MappedLeaf {
     raster: Arc<UvRaster>,
 }
 
-/// Recorded rain: the drops of every frame, and the frames of the plants that they move.
+/// Recorded rain: the drops of every frame, and the frames of the plants that the drops move.
 #[derive(Debug)]
 pub struct RainPlayback {
     frames: Vec<RainFrame>,
-    /// Dry leaves: their blades and sizes, from which maps and meshes of each frame start.
+    /// Dry leaves: their blades and sizes, with which the maps and meshes of each frame begin.
     leaves: Vec<RainLeaf>,
     mapped_leaves: Vec<MappedLeaf>,
     /// Frames of each plant; empty for a plant that does not move.
@@ -102,10 +102,10 @@ pub struct RainPlayback {
 /// Selection of the drops on leaves that a frame shows as meshes.
 #[derive(Debug, Clone, Copy)]
 struct MeshedDropSelection {
-    /// Largest number of drops of a frame.
+    /// Largest number of meshed drops of a frame.
     max_drops: usize,
-    /// Scale of the picture: the drops that appear largest in it are chosen, and the detail of their meshes follows their size
-    /// there.
+    /// Scale of the camera's picture: the drops that appear largest are selected, and the detail of their meshes follows their
+    /// size in the picture.
     picture: ScreenScale,
 }
 
@@ -126,7 +126,7 @@ impl ShownDrops {
 
 #[derive(Debug)]
 struct AdvancingLeafMaps {
-    /// Frames that the maps have advanced through.
+    /// Number of frames by which the maps have advanced.
     frames: u64,
     /// Parallel to the mapped leaves.
     leaves: Vec<LeafWaterMaps>,
@@ -148,7 +148,7 @@ struct SimulatedRain {
     leaf_counts: Vec<u64>,
 }
 
-/// A film of water that earlier rain has left on the surfaces that it reached.
+/// A film of water left by earlier rain on the surfaces that it reached.
 struct WetFilm {
     /// Fraction of a wet face that the film covers, 0 to 1.
     cover: f32,
@@ -179,9 +179,9 @@ impl AddedRain {
     }
 }
 
-/// Parts of a scene that rain falls on.
+/// Parts of a scene on which rain falls.
 struct RainInputs<'a> {
-    /// The whole recipe in an estimate, where `recipe` has its first frame only; else `None`.
+    /// In an estimate, the whole recipe, of which `recipe` has only the first frame; otherwise `None`.
     full: Option<&'a Recipe>,
     recipe: &'a Recipe,
     /// Assets of the grown plants; leaves with maps are taken out of their instancers.
@@ -193,7 +193,7 @@ struct RainInputs<'a> {
     transforms: &'a [Trs],
     /// The grown plants, parallel to `assets`.
     plants: &'a [&'a Plant],
-    /// Motion that drops are added to, parallel to `assets`.
+    /// Motion of each plant, to which that by drops is added, parallel to `assets`.
     plant_motions: Vec<PlantInRain>,
     wind: Option<Arc<dyn Wind>>,
     ground: RainGround,
@@ -201,8 +201,8 @@ struct RainInputs<'a> {
 }
 
 /// Simulates the rain of a recipe on its plants and adds it to the scene: an asset of drops, motions of the plants that drops
-/// move, meshes of leaves with maps. `full`: for an estimate the recipe that is estimated, of which `recipe` is the first frame; images
-/// then hold no pixels, so that leaves have no alpha.
+/// move, meshes of leaves with maps. `full`: in an estimate the recipe to estimate, of which `recipe` is the first frame; images
+/// then contain no pixels, so that leaves have no alpha.
 /// # Errors
 /// `Simulation`, `Limit`, `Cancelled`.
 pub(crate) fn add_rain(
@@ -224,7 +224,7 @@ pub(crate) fn add_rain(
     }
     let transforms = layout.first_transforms();
     let plants: Vec<&Plant> = grown.iter().map(|g| &g.plant).collect();
-    // Only catkins of a flight are carried.
+    // Points are carried only for the catkins of a flight.
     let carrier = |motion: &PlantInRain| recipe.flight.as_ref().map_or(PointCarrier::Still, |_| motion.point_carrier());
     let carriers: Vec<PointCarrier> = plant_motions.iter().map(carrier).collect();
     let scene = RainInputs {
@@ -243,7 +243,7 @@ pub(crate) fn add_rain(
     let simulated = simulate_rain(scene, rain, context, report)?;
     let mut drops = simulated.asset;
     if full.is_some() {
-        // An estimate simulates one frame only; drops that the whole clip is expected to hold are filled in.
+        // An estimate simulates only one frame; add the drops that the whole clip is expected to contain.
         simulated.expected.into_iter().for_each(|expected| expected.fill(&mut drops));
     } else {
         builder.images.extend(simulated.images);
@@ -275,7 +275,7 @@ fn simulate_rain(
     let RainInputs { recipe, full, assets, materials, images, transforms, plants, plant_motions, wind, ground, solids } =
         scene;
 
-    // Targets: leaf blades on plants that rods or the wind move, or on static ones.
+    // The targets: leaf blades on plants that rods or the wind move, or on static plants.
     let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
     let mut leaf_counts = vec![0_u64; assets.len()];
     scene_leaves.iter().for_each(|leaf| leaf_counts[leaf.instance.asset] += 1);
@@ -287,7 +287,8 @@ fn simulate_rain(
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
     let starts_from_rest = recipe.sway.start == SwayStart::Rest;
-    // A trial of plants that start at rest reads the wind at no time at which the rain does not.
+    // If plants start at rest, the spin-up of rods only measures the bounds that they sweep. Limit it to the number of simulated
+    // steps, so that it reads no wind beyond the time of the rain.
     let simulated_steps = spin_up_steps(rain, step) + u64::from(steps) * (recipe.clip.len() as u64).saturating_sub(1);
     let trial_steps = if starts_from_rest { saturating_index(limit(simulated_steps)) } else { u32::MAX };
     let clock = PlantStepParams {
@@ -298,7 +299,7 @@ fn simulate_rain(
         rods_start_at_rest: starts_from_rest,
         gravity: rain.keys.gravity,
     };
-    // For each plant a target, which drops hit and load, and a recorder, which turns its state into frames of the asset.
+    // For each plant a target, which drops hit and load, and a recorder, which converts its state to frames of the asset.
     let (mut targets, mut recorders) = (Vec::new(), Vec::new());
     for (k, motion) in plant_motions.into_iter().enumerate() {
         let on_plant = scene_leaves.iter().filter(|leaf| leaf.instance.asset == k).collect();
@@ -313,7 +314,8 @@ fn simulate_rain(
     let params = params::drop_params(rain, recipe.general.seed);
     let clip = recipe.clip;
     let frames = clip.len() as u64;
-    // An estimate simulates the first interval of the whole clip's rain: the total number of drops belongs to all of it.
+    // An estimate simulates the first interval of the whole clip's rain, since the total number of drops refers to the whole
+    // clip.
     let whole = full.unwrap_or(recipe);
     let rainfall = params::rainfall_params(rain, whole);
     let height = f64::from(bounds.size().y);
@@ -346,7 +348,7 @@ fn simulate_rain(
     let config =
         RainConfig { params: params.clone(), emitter, plants: targets, leaves: leaves.collect(), wind, ground, solids };
     let mut simulation = RainSimulation::new(config);
-    // The simulation changes its leaves; dry copies are the start of maps and meshes in each frame.
+    // The simulation changes its leaves; maps and meshes of each frame begin with dry copies.
     let dry_leaves = simulation.leaves().to_vec();
     initial_drops::check_initial_drops(&rain.lying, &dry_leaves, &recipe.places_of_keys)?;
     let RecordedRain { frames: rain_frames, mut plants } =
@@ -362,7 +364,7 @@ fn simulate_rain(
     let rasters = leaf_maps::build_uv_rasters(&scene_leaves, &mapped_leaves, assets, materials, images);
     let leaf_maps::AddedLeafMaps { sequences: mut map_sequences, images: new_images, separated } =
         leaf_maps::add_leaf_maps(assets, materials, images, &scene_leaves, &mapped_leaves, recipe)?;
-    // The recorded frames still have these leaves as instances.
+    // The recorded frames still contain these leaves as instances.
     for (frames, leaves) in plants.iter_mut().zip(&separated) {
         frames.iter_mut().for_each(|frame| leaf_maps::separate_frame_instances(frame, leaves));
     }
@@ -416,7 +418,7 @@ fn still_plant(of: &RainedPlant<'_>) -> Box<dyn RainPlant> {
     for axis in plant.axes.iter().filter(|a| a.kind != AxisKind::Root) {
         let range = plant.nodes_of(axis);
         for i in range.start..range.end.saturating_sub(1) {
-            // A straight segment between two nodes; the roots are left out, as no rain reaches them.
+            // Stems consist of straight segments between two nodes; roots are left out, because rain does not reach them.
             let end = |i: usize| transform.apply(plant.nodes.p[i]).as_dvec3();
             let radius = |i: usize| f64::from(plant.nodes.r[i] * transform.s.x);
             segments.push(WoodSegment { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
@@ -434,19 +436,19 @@ fn rest_bounds<'a>(assets: &'a [Asset], transforms: &'a [Trs]) -> impl Iterator<
     })
 }
 
-/// World bounds of the plants, m; those that the wind moves are bounded over their motion.
+/// World bounds of the plants, m; for plants that the wind moves, over their motion.
 fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRecorder]) -> Bounds {
     let bounds = rest_bounds(assets, transforms).zip(recorders).map(|(rest, recorder)| recorder.bounds_in_wind(rest));
     bounds.fold(Bounds::default(), Bounds::union)
 }
 
-/// What the rain of a bake takes, predicted before anything is simulated. Drops on leaves are counted as they are recorded
+/// Cost of the rain of a bake, predicted before the simulation. Drops on leaves are counted while they are recorded
 /// ([`record_frames`]).
 #[derive(Debug, Clone, Copy)]
 struct RainCost {
     /// Mean number of drops that are emitted per second.
     drop_rate: f64,
-    /// Mean time that a drop takes from the emitter to the ground, s; drops that leaves catch take less.
+    /// Mean time from the emitter to the ground, s; drops that leaves intercept take less.
     fall_time: f64,
     /// Duration of spin-up and clip, s.
     duration: f64,
@@ -471,7 +473,7 @@ impl RainCost {
         (falling + (self.leaves * size_of::<LeafPose>()) as f64) * self.frames as f64 / BYTES_PER_KEY as f64
     }
 
-    /// Drops in the air, added up over all time steps. Their number rises evenly until the first ones land, then stays.
+    /// Number of drops in the air, summed over all time steps. It rises linearly until the first drops land, then stays constant.
     fn drop_steps(&self) -> f64 {
         let rise = self.time_in_air();
         self.drop_rate * rise * (self.duration - 0.5 * rise) / self.step
@@ -501,14 +503,14 @@ fn amount_key(rain: &RainRecipe) -> &'static str {
     if rain.keys.total.is_some() { "rain.total" } else { "rain.rate_mm_per_h" }
 }
 
-/// Time steps per frame where rods need no more.
+/// Time steps per frame if rods do not require more.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, saturates")]
 fn default_substeps(fps: f64) -> u32 {
     // Rounded, so that 23.976 frames per second have as many as 24.
     ((DEFAULT_STEPS_PER_SECOND / fps).round() as u32).max(DEFAULT_SUBSTEPS)
 }
 
-/// Time steps per frame: those of the key `substeps`, else as many as the stiffest rods need in the wind, at least
+/// Time steps per frame: those of the key `substeps`, otherwise as many as the stiffest rods require in the wind, at least
 /// [`default_substeps`].
 fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInRain], wind: Option<&dyn Wind>) -> u32 {
     let fps = recipe.clip.fps();
@@ -563,13 +565,14 @@ fn record_frames(
             simulation.take_events();
         }
     }
-    // Those of the steps after the last whole frame, too; that drops are laid on leaves is part of the clip.
+    // Also discard the events of the steps after the last whole frame; but the deposition of the initial drops belongs to the
+    // clip.
     simulation.take_events();
     initial_drops::deposit_initial_drops(simulation, &rain.lying);
 
     // Clip: capture, then step to the next frame.
     let mut rain_frames = Vec::new();
-    // Memory is checked as it grows: how many drops stay on leaves is only known from the simulation.
+    // Check the memory while it grows, because only the simulation shows how many drops stay on leaves.
     let mut recorded_bytes = 0;
     let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); recorders.len()];
     for (number, frame) in (recipe.clip.start..).zip(0..frames) {
@@ -597,8 +600,8 @@ fn record_frames(
     Ok(RecordedRain { frames: rain_frames, plants })
 }
 
-/// Warning X024 if `most` drops, the largest number on leaves at a frame, are more than a frame shows as meshes. A scene that sets that
-/// number has chosen it and gets a note.
+/// Warning X024 if `most` drops, the largest number on leaves at a frame, are more than a frame shows as meshes. A scene that
+/// sets that number itself gets a note instead.
 fn report_hidden_drops(most: usize, max_drops: usize, places: &KeyPlaces, report: &mut Report) {
     const KEY: &str = "rain.max_drop_meshes";
     if most <= max_drops {
@@ -617,7 +620,7 @@ fn report_hidden_drops(most: usize, max_drops: usize, places: &KeyPlaces, report
 
 /// Shapes of pendant drops for every radius that occurs in the clip, by the bits of the radius; `g` in m/s^2.
 fn pendant_families_by_radius(frames: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
-    // Drops at one margin share few radii, so that a family of shapes is solved once for each.
+    // Drops at one margin have few distinct radii, so that a family of shapes is solved once for each radius.
     let radii: BTreeSet<u64> = frames.iter().flat_map(|f| &f.pendant).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
     let shapes = par_map(&radii, |bits| PendantFamily::new(f64::from_bits(*bits), g));
@@ -637,7 +640,7 @@ impl RainPlayback {
         if count <= self.shown.max_drops {
             return ShownDrops::All;
         }
-        // Drops are ranked by their size in the picture; among equals the lower id comes first.
+        // Rank drops by their size in the picture; of equal ones the lower id comes first.
         let rank = |leaf: usize, volume: f64| {
             -sphere_diameter(volume) * self.shown.picture.pixels_per_metre(frame.leaf_poses[leaf].position)
         };
@@ -753,11 +756,11 @@ impl RainPlayback {
         frames.get(nth).cloned().unwrap_or_default()
     }
 
-    /// Maps of the mapped leaves at the `nth` frame of the clip. Traces dry over time, so that maps advance frame by frame; an earlier
-    /// frame starts from dry leaves.
+    /// Maps of the mapped leaves at the `nth` frame of the clip. Because traces dry over time, maps advance frame by frame; an
+    /// earlier frame restarts them with dry leaves.
     pub fn map_frames(&self, nth: u64) -> Vec<MapFrame> {
         let mut state = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
-        // The maps may be at frame `nth` already; earlier frames need a new start.
+        // The maps may already be at frame `nth`; earlier frames require a restart.
         if state.frames > nth + 1 || state.leaves.is_empty() {
             let dry = |m: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&m.raster), self.leaves[m.leaf].scale);
             *state = AdvancingLeafMaps { frames: 0, leaves: self.mapped_leaves.iter().map(dry).collect() };

@@ -44,7 +44,7 @@ pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
         friction_force: drop.paper_friction,
         retention_factor: drop.retention_factor,
         velocity_decay_time: drop.velocity_decay,
-        pinning_noise: drop.pin_noise,
+        retention_variation: drop.pin_noise,
         merge: match drop.merge {
             DropMerge::Touch => MergeRule::Touch,
             DropMerge::Paper => MergeRule::Paper,
@@ -65,8 +65,8 @@ pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
     }
 }
 
-/// Intensity, drop sizes and envelope of the rainfall. Times of the keys count from the clip's start, those of the simulation from
-/// the start of the spin-up.
+/// Intensity, drop sizes and envelope of the rainfall. Times in the keys are relative to the start of the clip, times in the
+/// simulation to the start of the spin-up.
 pub(super) fn rainfall_params(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
     let keys = &rain.keys;
     let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.spin_up;
@@ -82,7 +82,7 @@ pub(super) fn rainfall_params(rain: &RainRecipe, recipe: &Recipe) -> RainfallPar
         envelope: match keys.envelope {
             RainEnvelope::Constant => IntensityEnvelope::Constant,
             RainEnvelope::Bell => {
-                // Without keys the bell is highest in the middle of the clip and a quarter of it wide.
+                // Without keys the bell has its maximum in the middle of the clip and the width of a quarter of it.
                 let half = keys.spin_up + (duration - keys.spin_up) / 2.0;
                 let middle = keys.middle.map_or(half, |t| t + keys.spin_up);
                 IntensityEnvelope::Bell { center: middle, width: keys.width.unwrap_or((duration - keys.spin_up) / 4.0) }

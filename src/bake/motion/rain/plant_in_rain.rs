@@ -20,7 +20,7 @@ use osier_wind::Wind;
 
 /// The model by which wind and drops move a plant.
 pub(crate) enum PlantInRain {
-    /// None: the plant does not move, and impulses of drops have no effect on it.
+    /// No model: the plant does not move, and impulses of drops have no effect on it.
     Still,
     /// Rods, which wind and drops bend.
     Rods {
@@ -60,7 +60,7 @@ impl PlantInRain {
 /// Motion of points of a plant in the rain, such as the ends of twigs.
 #[derive(Debug)]
 pub(super) enum PointCarrier {
-    /// Nothing: the plant does not move.
+    /// The plant does not move.
     Still,
     /// The joints of the recorded rods.
     Rods {
@@ -69,7 +69,7 @@ pub(super) enum PointCarrier {
         /// Binding of the rods' sections to joints.
         binding: RodBinding,
     },
-    /// The sway in the wind; the bends that drops add, which are small beside it, are left out.
+    /// The sway in the wind; the bends that drops add are neglected, because they are small compared with it.
     Sway(Arc<SwayMotion>),
 }
 
@@ -94,14 +94,14 @@ pub(super) struct PlantStepParams {
     pub(super) step: f64,
     /// Number of steps that plants on rods spin up in the wind before the rain begins; 0 in an estimate.
     pub(super) rod_spin_up_steps: u32,
-    /// Whether plants on rods begin at rest: these steps are then the first ones of the rain, taken to see how far the wind bends the
-    /// plants.
+    /// Whether plants on rods begin at rest. The spin-up steps then only repeat the first steps of the rain, to measure how far
+    /// the wind bends the plants.
     pub(super) rods_start_at_rest: bool,
     /// Gravitational acceleration, m/s^2.
     pub(super) gravity: f64,
 }
 
-/// Turns the simulated state of one plant into frames of its asset.
+/// Converts the simulated state of one plant to frames of its asset.
 pub(super) enum RainedPlantRecorder {
     Still,
     Rods {
@@ -115,20 +115,20 @@ pub(super) enum RainedPlantRecorder {
 /// Bounds of points of a plant that the wind moves, world space, m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SweptBounds {
-    /// At rest.
+    /// Bounds at rest.
     rest: Bounds,
-    /// Over the motion.
+    /// Bounds over the motion.
     swept: Bounds,
 }
 
 impl SweptBounds {
-    /// Bounds of the whole plant at rest, extended by as far as the points move beyond theirs.
+    /// Bounds of the whole plant at rest, extended by the distance that the points move beyond their own bounds.
     fn extend(&self, at_rest: Bounds) -> Bounds {
         let Self { rest, swept } = self;
         if rest.is_empty() || swept.is_empty() {
             return at_rest;
         }
-        // Blades reach beyond their pivots by as much in the wind as at rest.
+        // Blades extend beyond their pivots as far in the wind as at rest: extend the bounds at rest by the motion of the pivots.
         Bounds {
             min: at_rest.min - (rest.min - swept.min).max(Vec3::ZERO),
             max: at_rest.max + (swept.max - rest.max).max(Vec3::ZERO),
@@ -144,8 +144,8 @@ pub(super) struct SwayRecorder {
 }
 
 impl RainedPlantRecorder {
-    /// World bounds of the plant in the wind, m: those at rest, extended by as far as leaf pivots and wood sway beyond theirs,
-    /// during the clip by the sway model, during the spin-up on rods.
+    /// World bounds of the plant in the wind, m: those at rest, extended by the distance that leaf pivots and wood move beyond
+    /// their own bounds, during the clip with the sway model, during the spin-up on rods.
     pub(super) fn bounds_in_wind(&self, at_rest: Bounds) -> Bounds {
         let recorder = match self {
             Self::Still => return at_rest,
@@ -174,8 +174,8 @@ impl RainedPlantRecorder {
 /// Number of frames of the wind sampled to bound a plant's sway. Own: a gust lasts longer than a sixteenth of a clip.
 const SAMPLED_FRAMES: usize = 16;
 
-/// Steps of the spin-up of rods from one measurement of their bounds to the next. Own: a step is 1/192 s or less, a branch takes
-/// longer than eight to cross its path.
+/// Steps of the spin-up of rods between two measurements of their bounds. Own: a step is 1/192 s or less, and a branch takes more
+/// than eight steps to cross its path.
 const STEPS_PER_BOUNDS: u32 = 8;
 
 /// Bounds of the leaf pivots and wood of a plant, world space, m.
@@ -200,7 +200,7 @@ pub(super) fn target_and_recorder(
     let target_and_recorder: (Box<dyn RainPlant>, RainedPlantRecorder) = match motion {
         PlantInRain::Still => (still(), RainedPlantRecorder::Still),
         PlantInRain::Rods { rods, binding } => {
-            // Without wind the rods stay in the equilibrium in which they begin.
+            // Without wind the rods stay in their initial equilibrium.
             let steps = if wind.is_some() { clock.rod_spin_up_steps } else { 0 };
             let rods = rods.with_clip_start(clock.lead);
             let mut rods = if wind.is_some() { rods.with_wind(wind) } else { rods };
@@ -238,7 +238,7 @@ pub(super) fn target_and_recorder(
 impl SwayRecorder {
     /// The collision target of a swaying plant before the first drop: leaves with axis, arc length and blade.
     fn rain_plant(&self, of: &RainedPlant<'_>, clock: PlantStepParams) -> SwayingRainPlant {
-        // Instances have the ids of the organs that they show, by which these are found.
+        // Instances have the ids of the organs that they show; find the organs by id.
         let organs: std::collections::BTreeMap<u64, usize> =
             of.plant.organs.iter().enumerate().map(|(i, organ)| (organ.id, i)).collect();
         let swaying = |leaf: &&SceneLeaf| {
@@ -265,7 +265,7 @@ impl SwayRecorder {
         })
     }
 
-    /// Frame of the asset with the leaf poses of the simulation; leaves on which no drop can lie keep those of the wind.
+    /// Frame of the asset with the leaf poses of the simulation; leaves without a surface for drops keep their poses in the wind.
     fn frame(&self, asset: &Asset, plant: &dyn RainPlant, drop_bends: Vec<[f32; 2]>, time: FrameTime) -> AssetFrame {
         let RecordedWindPoses { motion, leafage, transform, instances: of_leaves, .. } = &self.wind;
         let mut instances = motion.pose_in_wind(leafage, time).instances;
@@ -276,7 +276,7 @@ impl SwayRecorder {
             let count = state.positions.len();
             (state.velocities, state.angular_velocities) = (vec![Vec3::ZERO; count], vec![Vec3::ZERO; count]);
         }
-        // Poses of the simulation are in the world; instances are in plant space.
+        // Poses of the simulation are in world space, instances in plant space.
         for (k, of) in of_leaves.iter().enumerate() {
             let InstanceState { positions, orientations, velocities, angular_velocities, .. } =
                 &mut instances[of.instancer];
@@ -323,8 +323,9 @@ impl WindPoses for RecordedWindPoses {
     }
 }
 
-/// The frame that is shown of a clip of `count` frames that does not repeat, at a frame that may lie before it: the spin-up plays
-/// the clip backwards, and to and fro if it is longer, so that the plant is in motion until the clip begins.
+/// For a clip of `count` frames that does not repeat, the frame that is shown at `frame`, which may be negative: the spin-up
+/// plays the clip backwards, and alternately backwards and forwards if it is longer than the clip, so that the plant is in motion
+/// when the clip begins.
 fn played_back_before(frame: i64, count: usize) -> i64 {
     let last = count as i64 - 1;
     match frame {

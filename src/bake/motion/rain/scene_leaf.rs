@@ -1,4 +1,4 @@
-//! The leaf blades of a scene, on which rain falls.
+//! The leaf blades of a scene on which rain falls.
 
 use std::sync::Arc;
 
@@ -30,7 +30,7 @@ pub(crate) struct SceneLeaf {
     /// The blade in leaf space; instances of one prototype share it.
     pub(crate) surface: Arc<LeafSurface>,
     pub(super) collider: Arc<LeafCollider>,
-    /// Number of the leaf on its plant: the index of its organ on a plant on rods, else counted in order.
+    /// Number of the leaf on its plant: the index of its organ on a plant on rods, otherwise counted in order.
     pub(super) number: usize,
     /// The joint that the leaf follows; `None` for a leaf of a still plant.
     pub(crate) joint: Option<u16>,
@@ -43,8 +43,8 @@ pub(crate) struct SceneLeaf {
     pub(super) scale: f64,
 }
 
-/// Collects every leaf blade of the scene, plant by plant. `transforms`: of each plant's first copy, parallel to `assets`.
-/// Prototypes whose triangles have no area carry no drops.
+/// Collects every leaf blade of the scene, plant by plant. `transforms`: transform of each plant's first copy, parallel to
+/// `assets`. Prototypes whose triangles have no area carry no drops.
 pub(super) fn scene_leaves(
     assets: &[Asset],
     materials: &[Material],
@@ -131,7 +131,7 @@ pub(crate) struct SelectedLeaf {
     pub(crate) side: usize,
 }
 
-/// Smallest side of a map, texels. Own: the smallest that the key admits; smaller files would hold hardly more than their header.
+/// Smallest side of a map, texels. Own: the smallest value of the key; smaller files would contain little more than their header.
 const MIN_MAP_SIDE: usize = 32;
 
 /// The leaves nearest to the camera, at most `maps.max_mapped_leaves`, in the order of the scene.
@@ -139,7 +139,7 @@ pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], pictur
     let mut order: Vec<usize> = (0..leaves.len()).collect();
     let distance = |leaf: usize| picture.distance(leaves[leaf].position);
     order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
-    // The selected leaves return to the order of the scene, so that names do not depend on the camera.
+    // Restore the order of the scene, so that names do not depend on the camera.
     order.truncate(to_usize(recipe.maps.max_mapped_leaves));
     order.sort_unstable();
     order.into_iter().map(|leaf| SelectedLeaf { leaf, side: map_side(recipe, &leaves[leaf], picture) }).collect()

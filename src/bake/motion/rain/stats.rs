@@ -29,8 +29,8 @@ const STATE_COLUMNS: [(&str, &str); 11] = [
 /// Columns that count events from the start of the spin-up to a frame.
 const TOTAL_COLUMNS: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
 
-/// Declares the table of rain. `rate`: intensity of the rain, m/s; `area`: area of its emitter, m^2; both `None` without
-/// falling rain.
+/// Declares the table of rain. `rate`: intensity of the rain, m/s; `area`: area of its emitter, m^2; both are `None` if no rain
+/// falls.
 pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> Table {
     let mut columns: Vec<(String, &'static str)> =
         STATE_COLUMNS.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
@@ -44,7 +44,7 @@ pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> 
         ("Water", find(&["water_air", "water_leaves", "water_hanging"])),
         ("What has happened", find(&TOTAL_COLUMNS)),
     ];
-    // Rounding restores numbers as they were written in the scene, before their conversion to SI units.
+    // Rounding restores the numbers as written in the scene, before their conversion to SI units.
     let rounded = |x: f64, digits: f64| (x * digits).round() / digits;
     let degrees = |x: f64| rounded(x.to_degrees(), 1e6);
     let wetting = &params.wetting;

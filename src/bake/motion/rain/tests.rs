@@ -45,7 +45,7 @@ fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
         limits.set("motion-keys", keys).expect("a limit");
         within(&limits, more).err().map(|e| e.to_string())
     };
-    // The leaves alone are counted before the first step, drops that lie on them as they come.
+    // Before the first step only leaves are counted; drops on leaves are counted as they arrive.
     assert_eq!(refused("300", "falls = false\n"), None);
     for (keys, more) in [("50", "falls = false\n"), ("300", drops.as_str())] {
         let said = refused(keys, more).expect("too much");
@@ -53,7 +53,7 @@ fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
     }
 }
 
-/// Catkins are instances, too, but no drop strikes them.
+/// Catkins are instances too, but no drop strikes them.
 #[test]
 fn memory_of_rain_is_predicted_for_the_leaves_that_drops_strike() {
     let record = |more: &str| {
@@ -85,7 +85,7 @@ fn low_frame_rates_have_no_longer_time_steps() {
     assert_eq!((steps(""), steps("substeps = 5\n")), (16, 5));
 }
 
-/// A scene that sets the number of meshes has chosen which drops it hides.
+/// If a scene sets the number of meshes, hidden drops are intended.
 #[test]
 fn hidden_drops_are_a_warning_unless_the_scene_sets_their_number() {
     let said = |more: &str, most: usize| {
@@ -101,10 +101,10 @@ fn hidden_drops_are_a_warning_unless_the_scene_sets_their_number() {
     assert!(none.is_empty() && note.contains("up to 300 drops") && note.contains("= 300 shows all"), "{note}");
 }
 
-/// Prediction and truth of the drops in the air, summed over the steps of a clip.
+/// Predicted and simulated number of drops in the air, summed over the steps of a clip.
 #[test]
 fn the_work_of_drops_in_the_air_is_predicted() {
-    // As a bake moves them: 192 steps of frames of a second, of which the record holds each eighth.
+    // As in a bake: 192 steps per frame of a second, of which every eighth is recorded.
     let most = |text: &str| {
         let mut limits = Limits::default();
         limits.set("drop-steps", "1").expect("a limit");
@@ -136,7 +136,7 @@ fn the_work_of_drops_in_the_air_is_held_to_a_limit() {
     assert!((cost.drop_steps() - 200.0 * 9.0 * 100.0).abs() < 1e-6, "{}", cost.drop_steps());
     let short = RainCost { duration: 1.0, ..cost };
     assert!((short.drop_steps() - 50.0 * 100.0).abs() < 1e-6, "{}", short.drop_steps());
-    // Where drops fall slowly, the wind carries them from far away: more are in the air than a bake could ever move.
+    // Where drops fall slowly, the wind carries them from far away: more are in the air than a bake could simulate.
     let storm = "gravity = 0.01\n[wind]\nmodel = \"gust\"\nspeed = 6\n";
     let mut limits = Limits::default();
     limits.set("drop-steps", "100M").expect("a limit");
@@ -190,7 +190,7 @@ fn the_table_tells_where_all_water_is() {
 
 #[test]
 fn drops_leaves_and_splashes_have_the_momentum_of_before() {
-    // On still leaves, on rods and on leaves of the sway model in the wind; drops that stay, splash and bounce.
+    // On still leaves, on rods, and on leaves of the sway model in the wind; drops adhere, splash and bounce.
     let plants = ["", "[plants.twig.rods]\n", "[wind]\nmodel = \"gust\"\nspeed = 6\n"];
     let impacts = ["", "[rain.impact]\nsplash = 0.3\n", "[rain.impact]\nrestitution = 0.4\nsplash = 0.1\n"];
     for more in plants.iter().flat_map(|plant| impacts.map(|impact| format!("{impact}{plant}"))) {
@@ -214,7 +214,7 @@ fn events_of_the_spin_up_are_not_those_of_the_clip() {
         assert!(t.iter().all(|t| *t > -1e-9), "frame {number}: {t:?}");
         t.len()
     };
-    // The first frame has only the drop that is laid on a leaf.
+    // The first frame contains only the drop that is deposited on a leaf.
     assert_eq!(count(1), 1);
     assert!((2..=8).map(count).sum::<usize>() > 10);
 }
@@ -254,7 +254,7 @@ fn leaves_on_rods_give_way() {
     assert!(moved);
 }
 
-/// Rain is emitted for where the plants are in the wind. Falling drops are framed by the bounds of the plants.
+/// Rain is emitted above the positions of the plants in the wind. The bounds of the plants limit the extent of falling drops.
 #[test]
 fn rain_falls_where_the_wind_bends_plants_on_rods() {
     let reach = |more: &str| {
@@ -292,11 +292,11 @@ fn height_maps_hold_relief_and_water_and_water_maps_the_water() {
     let scalar = |name: &str| maps.scalars(sequence.layer(name).expect("a layer")).expect("numbers");
     let (height, water) = (scalar("height"), scalar("water"));
     let normal = maps.vectors(sequence.layer("normal").expect("a layer")).expect("vectors");
-    // The height over the water alone is the relief of the material, in a band along the middle of the blade.
+    // The height minus the water thickness is the relief of the material, in a band along the middle of the blade.
     let (mut dry, mut wet, mut sloped) = (0, 0, 0);
     for k in (8..56).flat_map(|y| (28..36).map(move |x| y * 64 + x)) {
         let own = f32::from(relief[k]) / 65535.0 * worn.height_range;
-        // The leaf is scaled, and its relief with it.
+        // The leaf is scaled together with its relief.
         let scale = (height[k] - water[k]) / own.max(1e-9);
         assert!(own < 1e-6 || (0.3..3.0).contains(&scale), "{k}: {scale}");
         if water[k] > 0.0 {
@@ -316,7 +316,7 @@ fn height_maps_hold_relief_and_water_and_water_maps_the_water() {
 
 #[test]
 fn maps_are_as_large_as_the_camera_sees_their_leaves() {
-    // Sides of the maps for a camera at a distance in front of the twig, m.
+    // Sides of the maps if the camera is at a distance in front of the twig, m.
     let sides = |distance: f64| {
         let text = format!("{SCENE}[camera]\neye = [0, 0.3, {distance}]\ntarget = [0, 0.3, 0]\n");
         let request = Request { name: "test".into(), text: text.replace("resolution = 32", ""), ..Request::default() };

@@ -1,4 +1,4 @@
-//! A film of water that earlier rain has left on surfaces: their materials are darker and smoother in every format.
+//! A film of water left by earlier rain on surfaces: their materials are darker and smoother in every format.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,9 +7,11 @@ use osier_base::convert::{index, to_usize};
 use osier_base::units::{byte, linear_from_srgb, srgb_byte};
 use osier_scene::{Coat, Image, Maps, Material, MaterialClass, MaterialId, Pixels};
 
-/// Roughness of a closed film of water on a leaf. Own: by eye; smaller values make leaves mirrors, larger ones make them look dry.
+/// Roughness of a closed film of water on a leaf. Own: by eye; with smaller values leaves look like mirrors, with larger ones
+/// dry.
 const FILM_ROUGHNESS: f32 = 0.12;
-/// Roughness of a closed film on what absorbs water: bark, plaster, tiles, soil. Own: by eye; smaller values varnish them.
+/// Roughness of a closed film on materials that absorb water: bark, plaster, tiles, soil. Own: by eye; with smaller values they
+/// look varnished.
 const POROUS_FILM_ROUGHNESS: f32 = 0.35;
 
 /// A film of water on the materials of a class, which changes their albedo and roughness.
@@ -72,7 +74,7 @@ pub(super) struct WetDryFaces {
     pub(super) dry: bool,
 }
 
-/// The images that keep their pixels, and for others the wet image that replaces them.
+/// Images that keep their pixels, and the wet images that replace others.
 struct WetImages {
     /// Indices of images that a dry material uses, which keep their pixels.
     dry: BTreeSet<u32>,
@@ -81,13 +83,13 @@ struct WetImages {
 }
 
 impl WetImages {
-    /// Index of the wet image of image `dry`, which the function `wet` changes, unless an earlier call has done that.
+    /// Index of the wet image of image `dry`, which the function `wet` changes if no earlier call has done so.
     fn add(&mut self, dry: u32, film: Film, wet: fn(&mut Image, Film), images: &mut Vec<Image>) -> Result<u32> {
         if let Some(known) = self.wet.get(&dry) {
             return Ok(*known);
         }
         let mut new = dry;
-        // Only an image that a dry material uses too needs a copy.
+        // Only an image that a dry material also uses needs a copy.
         if let Some(image) = images.get(to_usize(dry)).filter(|_| self.dry.contains(&dry)) {
             new = index(images.len(), "images of a scene")?;
             images.push(Image { name: format!("{}_wet", image.name), ..image.clone() });
@@ -98,8 +100,8 @@ impl WetImages {
     }
 }
 
-/// Adds a wet variant of each material that has wet faces; returns the material of the wet faces of each. A material without dry faces
-/// becomes wet itself, and so do images that only such materials use. `uses`: parallel to `materials`.
+/// Adds a wet variant of each material that has wet faces; returns, for each such material, the material of its wet faces. A
+/// material without dry faces becomes wet itself, and so do images that only such materials use. `uses`: parallel to `materials`.
 /// # Errors
 /// `TooMany` beyond 2^32 materials or images.
 pub(super) fn add_wet_materials(
@@ -109,7 +111,7 @@ pub(super) fn add_wet_materials(
     images: &mut Vec<Image>,
 ) -> Result<BTreeMap<MaterialId, MaterialId>> {
     let all_uses = || uses.iter().copied().chain(std::iter::repeat(WetDryFaces::default()));
-    // Images that keep their pixels, since a material that stays dry uses them.
+    // Find the images that keep their pixels because a material that stays dry uses them.
     let dry = materials
         .iter()
         .zip(all_uses())
@@ -125,7 +127,7 @@ pub(super) fn add_wet_materials(
         material.maps.color = color.map(|dry| wet_images.add(dry, film, darken_image, images)).transpose()?;
         material.maps.roughness =
             roughness.map(|dry| wet_images.add(dry, film, smooth_roughness_map, images)).transpose()?;
-        // With dry faces beside the wet ones the variant is a new material, else it takes the place of the dry one.
+        // For a material with dry and wet faces the variant is a new material; otherwise it replaces the dry one.
         let own = index(i, "materials of a scene")?;
         if of.dry {
             material.name.push_str("_wet");
@@ -139,7 +141,7 @@ pub(super) fn add_wet_materials(
     Ok(wet_materials)
 }
 
-/// Multiplies the colours of an 8-bit sRGB image in linear light by the film's darkening; alpha stays.
+/// Multiplies the colours of an 8-bit sRGB image in linear light by the darkening of the film; alpha does not change.
 fn darken_image(image: &mut Image, film: Film) {
     let factor = film.darkening();
     // A table with one entry per byte value saves the conversion of every pixel.
@@ -180,7 +182,7 @@ mod tests {
         let mut images = [picture(ImageKind::Color, 4, &[200, 100, 0, 90]), picture(ImageKind::Data, 1, &[153])];
         let maps = Maps { color: Some(0), roughness: Some(1), ..Maps::default() };
         let leaf = Material { maps, ..Material::plain("leaf".into(), MaterialClass::Leaf, [0.5; 3], 0.6) };
-        // Two leaves with one texture change it once.
+        // Two leaves that share a texture change it only once.
         let mut materials = [leaf.clone(), leaf, Material::plain("bark".into(), MaterialClass::Bark, [0.5; 3], 0.6)];
         wet_leaf_materials(1.0, &mut materials, &mut images);
         let near = |a: f32, b: f32| (a - b).abs() < 1e-6;

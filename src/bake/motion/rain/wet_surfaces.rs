@@ -13,15 +13,15 @@ use osier_base::geometry::Bounds;
 use osier_motion::rain::{ExposedPoint, RainExposure};
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
 
-/// Share of the rainfall on open level ground above which a surface is wet. Own: rain that has lasted for minutes wets all that
-/// it strikes; larger values leave walls dry that slanting rain strikes.
+/// Catch ratio, relative to open level ground, above which a surface is wet. Own: rain that has lasted for minutes wets every
+/// surface that it strikes; with larger values walls struck by slanting rain stay dry.
 const WET_CATCH_RATIO: f32 = 0.1;
-/// Longest edge, m, of a face near solids that is not divided when its corners agree. Own: half the overhang of a usual eave;
-/// longer edges miss the dry strip below it.
+/// Longest edge, m, of a face near solids that is not divided if its corners agree. Own: half the overhang of a usual eave; with
+/// longer edges the dry strip below it is missed.
 const LONGEST_UNDIVIDED_EDGE: f32 = 1.0;
 /// Edge length, m, below which faces are not divided further: the border between wet and dry is interpolated there.
 const SHORTEST_DIVIDED_EDGE: f32 = 0.12;
-/// Distance from the solids' bounds within which they may shelter faces, m. Own: rain in a storm drifts by about its height of
+/// Distance from the solids' bounds within which solids may shelter faces, m. Own: rain in a storm drifts by about its height of
 /// fall.
 const SHELTER_REACH: f32 = 12.0;
 
@@ -78,7 +78,7 @@ pub(super) fn wet_exposed_surfaces(
     Ok(())
 }
 
-/// Whether a material is bark, masonry or soil; leaves get their film earlier, and water has none.
+/// Whether a material is bark, masonry or soil; leaves have got their film before, and water has none.
 fn is_wettable(material: &Material) -> bool {
     matches!(material.class, MaterialClass::Bark | MaterialClass::Ground)
 }
@@ -130,7 +130,7 @@ impl WorldSurface<'_> {
 
 /// Whether each face of a mesh is wet, by the mean catch ratio of its corners; parallel to the triangles.
 fn rain_exposed_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
-    // No vertex is added here, so that skins and recorded frames still fit the mesh.
+    // Do not add vertices here, so that skins and recorded frames still fit the mesh.
     let ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
     let mean = |t: &[u32; 3]| t.iter().map(|i| ratios[to_usize(*i)]).sum::<f32>() / 3.0;
     mesh.triangles.iter().map(|t| mean(t) >= WET_CATCH_RATIO).collect()
@@ -146,13 +146,13 @@ struct Face {
 /// A node of the quadtree of a face: the face, and its quarters if it was divided.
 struct DividedFace {
     face: Face,
-    /// Index of the first of its four quarters, which follow each other.
+    /// Index of the first of its four consecutive quarters.
     quarters: Option<usize>,
-    /// Whether the whole face is wet or dry; `None` where both meet.
+    /// Whether the whole face is wet or dry; `None` if it is partly wet.
     wet: Option<bool>,
 }
 
-/// Divides faces where wet and dry meet, and cuts the smallest along the border; returns whether each new face is wet.
+/// Divides faces that are partly wet, and cuts the smallest along the border; returns whether each new face is wet.
 /// # Errors
 /// `Limit` before the mesh gets more vertices than the limit allows, `Cancelled`.
 fn divide_faces(
@@ -171,8 +171,8 @@ fn divide_faces(
     let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     let is_wet = |ratio: f32| ratio >= WET_CATCH_RATIO;
 
-    // One pass for each halving: add the middles of all edges, then divide the faces of which some corners and middles are wet
-    // and others dry.
+    // One pass for each halving: add the middles of all edges, then divide the faces whose corners and middles are partly wet and
+    // partly dry.
     let mut open = 0..nodes.len();
     while !open.is_empty() {
         context.cancel.check()?;
@@ -200,9 +200,9 @@ fn divide_faces(
             let count = |of: &[u32]| of.iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
             let bounds = Bounds::of([a, b, c].map(at));
             let meets = bounds.min.cmple(sheltered.max).all() && bounds.max.cmpge(sheltered.min).all();
-            // If 0 or 6 of the six points are wet, all agree.
+            // All six points agree if 0 or 6 of them are wet.
             let differs = count(&[a, b, c, ab, bc, ca]) % 6 != 0;
-            // A face whose corners and middles agree may still be sheltered in between, but only near what shelters.
+            // A face whose corners and middles agree may still be sheltered in between, but only near the solids.
             let is_divided = longest > SHORTEST_DIVIDED_EDGE && differs || longest > LONGEST_UNDIVIDED_EDGE && meets;
             if is_divided {
                 nodes[node].quarters = Some(nodes.len());
@@ -211,14 +211,14 @@ fn divide_faces(
                 nodes.extend(quarters.map(quarter));
             } else {
                 let wet = count(&face.corners);
-                // `None` where the corners differ: the border runs through this face, which is cut along it below.
+                // `None` if the corners differ: the border crosses this face, which is cut along it below.
                 nodes[node].wet = (wet % 3 == 0).then_some(wet == 3);
             }
         }
         open = next..nodes.len();
     }
 
-    // Quarters that agree are one face again. Quarters come after the face that they divide.
+    // Four quarters that agree are merged into one face. Quarters come after the face that they divide.
     for i in (0..nodes.len()).rev() {
         if let Some(first) = nodes[i].quarters {
             let wet = nodes[first].wet.filter(|_| nodes[first..first + 4].iter().all(|q| q.wet == nodes[first].wet));
@@ -226,7 +226,7 @@ fn divide_faces(
             nodes[i].quarters = Some(first).filter(|_| wet.is_none());
         }
     }
-    // Collect the leaves of the quadtrees, depth first, so that parts of a face take its place in the order.
+    // Collect the leaves of the quadtrees depth first, so that the parts of a face take its place in the order.
     let mut done: Vec<Face> = Vec::new();
     let mut pending: Vec<usize> = (0..whole_faces).rev().collect();
     while let Some(i) = pending.pop() {
@@ -236,7 +236,7 @@ fn divide_faces(
         }
     }
 
-    // Cut the faces on the border where the interpolated ratio passes the threshold.
+    // Cut the faces on the border where the interpolated ratio equals the threshold.
     let mut faces: Vec<(Face, bool)> = Vec::new();
     let mut crossings: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     for face in done {
@@ -258,7 +258,7 @@ fn divide_faces(
         let part = |corners| Face { corners, ..face };
         faces.extend([(part([a, ab, ca]), wet[lone]), (part([ab, b, c]), !wet[lone]), (part([ab, c, ca]), !wet[lone])]);
     }
-    // Faces of one material follow each other; the sort keeps the order among equals.
+    // Group the faces by material; the stable sort keeps their order within a material.
     faces.sort_by_key(|(face, _)| face.material);
     mesh.triangles.clear();
     for (face, _) in &faces {
@@ -273,7 +273,7 @@ fn divide_faces(
     Ok(faces.into_iter().map(|(_, wet)| wet).collect())
 }
 
-/// Adds a vertex on the edge between two vertices, at `fraction` of the way from the first to the second; returns its index.
+/// Adds a vertex on the edge between two vertices, at `fraction` of the edge from the first to the second; returns its index.
 fn add_edge_vertex(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
     let new = mesh.next_point();
     let [i, k] = [i, k].map(to_usize);
@@ -289,7 +289,7 @@ fn add_edge_vertex(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
 
 /// Removes the vertices that no triangle uses and renumbers the others in order.
 fn drop_unused_vertices(mesh: &mut Mesh) {
-    // Middles of edges that were only probed, and corners of faces that were cut away.
+    // Unused vertices are the middles of edges that were only tested, and corners of faces that were cut away.
     let mut is_used = vec![false; mesh.points.len()];
     mesh.triangles.iter().flatten().for_each(|i| is_used[to_usize(*i)] = true);
     // The new index of a vertex is the number of used ones before it.
@@ -311,7 +311,7 @@ fn drop_unused_vertices(mesh: &mut Mesh) {
     retain(&mut mesh.uvs, &is_used);
 }
 
-/// Splits each subset into its dry faces and its wet ones, which follow them with the wet material.
+/// Divides each subset into its dry faces, followed by its wet faces with the wet material.
 fn group_faces(mesh: &mut Mesh, wet: &[bool], wet_materials: &BTreeMap<MaterialId, MaterialId>) {
     let subsets = std::mem::take(&mut mesh.subsets);
     let triangles = std::mem::take(&mut mesh.triangles);

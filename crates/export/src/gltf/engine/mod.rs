@@ -61,7 +61,7 @@ impl GltfDocument<'_> {
             }
         }
         let counts: Vec<usize> = levels.iter().map(|l| l.mesh.triangles.len()).collect();
-        // All levels have the same materials: those of the finest one decide.
+        // All levels share their materials; whether the leaves of the finest level are thinned decides which materials.
         let is_thinned = levels.first().is_some_and(|l| l.leaf_size > 1.0);
         let geometry = if is_thinned { GeometryKind::ThinnedPlant } else { GeometryKind::Mesh };
         // The finest level first, each as a mesh with what a program needs to choose among them.

@@ -154,8 +154,8 @@ impl UsdcWriter {
         self.list_op_rep(type_code::PATH_LIST_OP, EXPLICIT_LIST, &items)
     }
 
-    /// `SdfPayload`, and the first part of `SdfReference`: string row of the layer, path row of the prim, layer offset (negative,
-    /// so that the layer is read `phase` frames ahead), layer scale 1.
+    /// `SdfPayload`, and the first part of `SdfReference`: string index of the layer, path index of the prim, layer offset
+    /// (negative, so that the layer is read `phase` frames ahead), layer scale 1.
     fn layer_arc_bytes(&mut self, arc: &CompositionArc) -> Vec<u8> {
         let mut item = self.intern_string(&arc.asset).to_le_bytes().to_vec();
         item.extend(self.paths.intern(&arc.prim).to_le_bytes());
@@ -165,7 +165,7 @@ impl UsdcWriter {
         item
     }
 
-    /// `VtDictionary`: number of entries; for each the string row of the key, the distance to the value's `ValueRep` (8: it
+    /// `VtDictionary`: number of entries; for each the string index of the key, the distance to the value's `ValueRep` (8: it
     /// follows at once), the `ValueRep`.
     fn dictionary_rep(&mut self, entries: &[(&str, u64)]) -> Result<u64> {
         let mut bytes = (entries.len() as u64).to_le_bytes().to_vec();
@@ -177,7 +177,7 @@ impl UsdcWriter {
         self.heap.store_scalar(type_code::DICTIONARY, &bytes)
     }
 
-    /// `TfTokenVector`: number of tokens, their rows.
+    /// `TfTokenVector`: number of tokens, then their token indices.
     fn token_vector_rep(&mut self, tokens: &[u32]) -> Result<u64> {
         let mut bytes = (tokens.len() as u64).to_le_bytes().to_vec();
         bytes.extend(tokens.iter().flat_map(|t| t.to_le_bytes()));
@@ -190,7 +190,7 @@ impl UsdcWriter {
         let set = self.intern_string(variants.set).to_le_bytes().to_vec();
         let names = self.list_op_rep(type_code::STRING_LIST_OP, PREPENDED, std::slice::from_ref(&set))?;
         self.set_field(spec, "variantSetNames", names);
-        // `SdfVariantSelectionMap`: number of entries, then string rows of set and selection.
+        // `SdfVariantSelectionMap`: number of entries, then string indices of set and selection.
         let mut map = 1_u64.to_le_bytes().to_vec();
         map.extend(set);
         map.extend(self.intern_string(&variants.selection).to_le_bytes());

@@ -124,7 +124,7 @@ pub(super) fn spec_sections(specs: &[SpecEntry]) -> Result<[Vec<u8>; 3]> {
     push_sized_block(&integer_coding::fast_compress(&values), &mut field_section);
     let mut set_section = u64_bytes_le(set_list.len()).to_vec();
     push_sized_block(&integer_coding::compress_i32(&set_list), &mut set_section);
-    // SPECS: columns of path rows, field set positions and spec types.
+    // SPECS: columns of path indices, field set positions and spec types.
     let mut spec_section = u64_bytes_le(specs.len()).to_vec();
     for column in [&paths, &firsts, &types] {
         push_sized_block(&integer_coding::compress_i32(column), &mut spec_section);

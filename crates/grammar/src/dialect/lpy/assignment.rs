@@ -23,7 +23,7 @@ struct ItemChange<'t> {
     index: Piece<'t>,
     /// The second index of `name[index][1] = value`.
     column: Option<Piece<'t>>,
-    /// More than two.
+    /// True if there are more than two indices.
     is_nested: bool,
     op: Option<PyOp>,
     value: Piece<'t>,
@@ -54,7 +54,7 @@ impl<'t> ItemChange<'t> {
     }
 }
 
-/// The assignments, of names and values, that a line makes which changes a list; `None` for any other line.
+/// The assignments (name and value) that represent a line which changes a list; `None` for a line that changes none.
 pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>>, Refusal> {
     let named = |name: Piece<'_>| PyExpr::Name(name.text.to_owned(), name.range());
     let changed = |name: Piece<'_>, change: ListChange, args: Vec<PyExpr>| {
@@ -102,7 +102,7 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
     let (mut index, value) = (parse(item.index)?, parse(item.value)?);
     let at = |list: PyExpr, index: &PyExpr| PyExpr::Index(Box::new(list), Box::new(index.clone()), piece.range());
     let mut read = at(named(item.name), &index);
-    // Both indices of an item of a list of lists.
+    // An item of a list of lists has two indices.
     if let Some(column) = item.column {
         let column = parse(column)?;
         read = at(read, &column);
@@ -113,7 +113,7 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
     Ok(Some(vec![changed(item.name, ListChange::Set, vec![index, value])]))
 }
 
-/// `list[k]`.
+/// The expression `list[k]`.
 pub(super) fn item_of(list: &PyExpr, k: u32, place: Range<usize>) -> PyExpr {
     PyExpr::Index(Box::new(list.clone()), Box::new(PyExpr::Number(f64::from(k))), place)
 }
@@ -182,7 +182,8 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     };
     let (names, values) = without_nesting(names, values, piece.range()).ok_or_else(refused)?;
     let mut out = Vec::with_capacity(values.len());
-    // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
+    // Python evaluates all values before it sets the first name. If a value reads a name that an earlier target sets, store all
+    // values in temporary variables first.
     let plain = |name: &Piece<'_>| name.text.trim_start_matches('*').trim().to_owned();
     let reads_earlier = |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name| mentions(value, &plain(name)));
     if values.iter().enumerate().any(reads_earlier) {
@@ -198,7 +199,7 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     Ok(out)
 }
 
-/// The values of this number of targets from one list; `None` for a value that has other items.
+/// Items of one list for `count` targets; `None` for a number or string, and for a list of another length.
 fn items_for(count: usize, list: PyExpr, place: Range<usize>) -> Option<Vec<PyExpr>> {
     match list {
         PyExpr::List(items, _) => Some(items).filter(|items| items.len() == count),
@@ -207,15 +208,15 @@ fn items_for(count: usize, list: PyExpr, place: Range<usize>) -> Option<Vec<PyEx
     }
 }
 
-/// Targets that are names alone, with their values: `(a, b), c = p, 1` sets `a` to the first item of p. `None` where a list has other
-/// items than its targets.
+/// Flattens nested targets to single names with their values: `(a, b), c = p, 1` sets `a` to the first item of p. `None` if a
+/// list and its targets differ in number.
 fn without_nesting(
     names: Vec<Piece<'_>>,
     values: Vec<PyExpr>,
     place: Range<usize>,
 ) -> Option<(Vec<Piece<'_>>, Vec<PyExpr>)> {
     let mut out = (Vec::with_capacity(names.len()), Vec::with_capacity(names.len()));
-    // The next target is the last one.
+    // A stack of targets with their values, of which the last one is next.
     let mut open: Vec<(Piece<'_>, PyExpr)> = names.into_iter().zip(values).rev().collect();
     while let Some((target, value)) = open.pop() {
         let parts = inside(target).map(split);
@@ -224,7 +225,7 @@ fn without_nesting(
                 out.0.push(target);
                 out.1.push(value);
             }
-            // Parentheses around one name mean nothing.
+            // Parentheses around one name have no effect.
             Some([only]) => open.push((*only, value)),
             Some(parts) => {
                 let items = items_for(parts.len(), value, place.clone())?;
@@ -235,7 +236,8 @@ fn without_nesting(
     Some(out)
 }
 
-/// The values of `count` targets, of which the one at `at` has a star, `first, *rest = q`: it takes the items that the others leave.
+/// Values of `count` targets, of which target `at` has a star, as in `first, *rest = q`: it takes the items that the other
+/// targets leave.
 fn starred(count: usize, at: usize, value: Piece<'_>, place: Range<usize>) -> Result<Vec<PyExpr>, Refusal> {
     let list = parse(value)?;
     let after = count - at - 1;
@@ -244,7 +246,7 @@ fn starred(count: usize, at: usize, value: Piece<'_>, place: Range<usize>) -> Re
     let indexed = |index: PyExpr| PyExpr::Index(Box::new(list.clone()), Box::new(index), place.clone());
     let value = |k: usize| match k.cmp(&at) {
         std::cmp::Ordering::Less => indexed(number(k)),
-        // Counted from the end.
+        // Targets after the starred one take items counted from the end of the list.
         std::cmp::Ordering::Greater => indexed(PyExpr::Neg(Box::new(number(count - k)))),
         std::cmp::Ordering::Equal => {
             let end = if after == 0 { none() } else { PyExpr::Neg(Box::new(number(after))) };
@@ -254,8 +256,8 @@ fn starred(count: usize, at: usize, value: Piece<'_>, place: Range<usize>) -> Re
     Ok((0..count).map(value).collect())
 }
 
-/// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
-/// `scope` knows the functions of the model, `defined` their names.
+/// The name that a line of a function sets to an unreadable value, with the reason; only uses of the name are refused. `scope`
+/// contains the functions of the model, `defined` their names.
 pub(super) fn unreadable_assignment<'t>(
     line: &Line<'t>,
     scope: &Scope,

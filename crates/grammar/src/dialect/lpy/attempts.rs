@@ -1,5 +1,5 @@
-//! `try` with `except`. Code of these models raises no errors: what a statement would fail of is tested before it, and the block of the
-//! `except` runs where the test holds.
+//! `try` with `except`. The compiled code raises no errors. Instead, a test before each statement that may fail decides whether
+//! it would fail, and then the block of the `except` runs.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -15,13 +15,13 @@ use super::statement::{MAX_NESTING, Statement};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
-/// Functions within one another that are searched for what they fail of.
+/// Largest nesting of function calls that is searched for errors.
 const MAX_FUNCTIONS: usize = 8;
 
-/// Most statements that a `try` becomes.
+/// Largest number of statements to which a `try` is expanded.
 const MAX_STATEMENTS: usize = 4_096;
 
-/// The errors that an `except` catches, of those that numbers and lists can raise.
+/// The errors that an `except` catches, among those that numbers and lists can raise.
 #[derive(Debug, Clone, Copy, Default)]
 struct Errors {
     /// A division by zero.
@@ -44,11 +44,11 @@ struct Handler {
 #[derive(Default)]
 struct Attempt {
     handlers: Vec<Handler>,
-    /// The block of `else`, which runs where nothing has failed.
+    /// The block of `else`, which runs if nothing has failed.
     otherwise: Vec<Statement>,
     /// The block of `finally`.
     last: Vec<Statement>,
-    /// Statements that were written out so far: what follows an `if` stands on each of its sides.
+    /// Number of statements written so far; the statements after an `if` are copied into each of its branches.
     count: Cell<usize>,
 }
 
@@ -63,7 +63,8 @@ fn compared(op: PyOp, a: &PyExpr, b: PyExpr) -> PyExpr {
     PyExpr::Binary(op, Box::new(a.clone()), Box::new(b))
 }
 
-/// True for a `return`, a `produce`, a `break` or a `continue` among statements: what stands behind the block may not run.
+/// True if the statements contain a `return`, `produce`, `break` or `continue`, so that the statements after the block may not
+/// run.
 fn leaves(statements: &[Statement]) -> bool {
     statements.iter().any(|s| match s {
         Statement::Return(..) | Statement::Produce(_, true) | Statement::Break(_) | Statement::Continue(_) => true,
@@ -73,7 +74,7 @@ fn leaves(statements: &[Statement]) -> bool {
     })
 }
 
-/// The errors of the words of an `except`, `ZeroDivisionError` or `(IndexError, KeyError)`; without words all of them.
+/// The errors named by the words of an `except`, `ZeroDivisionError` or `(IndexError, KeyError)`; without words all of them.
 fn errors_of(words: Piece<'_>) -> Result<Errors, Refusal> {
     let all = Errors { division: true, index: true, key: true, value: true };
     let named = words.text.find(" as ").map_or(words, |i| words.up_to(i).trimmed());
@@ -89,7 +90,7 @@ fn errors_of(words: Piece<'_>) -> Result<Errors, Refusal> {
             "IndexError" => out.index = true,
             "KeyError" => out.key = true,
             "ValueError" => out.value = true,
-            // Imports never fail here, and no test stops a model.
+            // These errors never occur here: imports cannot fail, assertions are skipped, and a model is never interrupted.
             "ImportError" | "ModuleNotFoundError" | "KeyboardInterrupt" | "AssertionError" => {}
             _ => {
                 let why = Refusal::new(format!("'except {}'", word.text), word.range());
@@ -103,7 +104,8 @@ fn errors_of(words: Piece<'_>) -> Result<Errors, Refusal> {
 }
 
 impl Model<'_, '_> {
-    /// The statements of a `try` at line `i` of a block, its own being `body`, and the index of the line after its last block.
+    /// The statements of the `try` at line `i` of a block, and the index of the line after its last block. `body`: statements of
+    /// the `try` block itself.
     pub(super) fn attempt(
         &mut self,
         block: &[Line<'_>],
@@ -146,7 +148,7 @@ impl Model<'_, '_> {
         Ok((out, next))
     }
 
-    /// Statements of a `try`, each that may fail behind the test of it. The statements after it run where it does not fail.
+    /// Statements of a `try` block, with a test before each that may fail. The statements after it run only if it does not fail.
     fn guarded(
         &self,
         statements: Vec<Statement>,
@@ -174,7 +176,7 @@ impl Model<'_, '_> {
             }
             let left: Vec<Statement> = rest.collect();
             let then = match s {
-                // What follows runs on each side where nothing has failed.
+                // The statements after the `if` are appended to each branch, where they run if nothing has failed before.
                 Statement::If(tests, other) if is_split => {
                     let side = |list: Vec<Statement>| {
                         let all = list.into_iter().chain(left.iter().cloned()).collect();
@@ -234,7 +236,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// The test that holds where a statement fails, and the block of the `except` for it; `None` where it cannot fail.
+    /// The test that is true if a statement fails, and the block of the `except` for it; `None` if it cannot fail.
     fn failure_of(
         &self,
         s: &Statement,
@@ -273,11 +275,11 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// The test that holds where an expression fails by one of these errors; `None` where it cannot.
+    /// The test that is true if an expression raises one of these errors; `None` if it cannot.
     fn failure(&self, e: &PyExpr, errors: Errors, depth: usize) -> Result<Option<PyExpr>, Refusal> {
         let of = |e: &PyExpr| self.failure(e, errors, depth);
         let zero = || PyExpr::Number(0.0);
-        // A part that is read only where a test holds fails only there.
+        // A part that is evaluated only if a test holds can fail only if the test holds.
         let where_true = |test: &PyExpr, fails: Option<PyExpr>| {
             fails.map(|fails| PyExpr::Choice(Box::new(test.clone()), Box::new(fails), Box::new(zero())))
         };
@@ -342,7 +344,7 @@ impl Model<'_, '_> {
         })
     }
 
-    /// As [`Self::failure`], of a call whose arguments do not fail.
+    /// As [`Self::failure`], for a call whose arguments do not fail.
     fn failure_of_call(
         &self,
         name: &str,
@@ -376,7 +378,7 @@ impl Model<'_, '_> {
         Ok(None)
     }
 
-    /// The test that holds where a list or dictionary does not have an index or key.
+    /// The test that is true if a list or dictionary lacks an index or key.
     fn failure_of_index(&self, list: &PyExpr, index: &PyExpr, errors: Errors) -> Result<Option<PyExpr>, Refusal> {
         let is_slice = matches!(index, PyExpr::Call(name, ..) if name == SLICE);
         if is_slice || (!errors.index && !errors.key) {
@@ -393,7 +395,7 @@ impl Model<'_, '_> {
                 return Err(why.remedy("name the error: 'except IndexError' or 'except KeyError'"));
             }
         };
-        // Coordinates of vectors are always there.
+        // A vector has all its coordinates.
         if matches!(&known, Some(PyExpr::Call(name, ..)) if name != DICTIONARY) {
             return Ok(None);
         }

@@ -115,7 +115,7 @@ impl Model<'_, '_> {
                 }
                 // These statements do not affect the string of modules.
                 "pass" | "print" | "assert" => out.push(Statement::Pass),
-                // A string alone is the description of a function.
+                // A string alone is the docstring of a function.
                 _ if piece.text.starts_with(['"', '\'']) => {}
                 "global" => out.push(Statement::Global(split(rest).iter().map(|n| n.text.to_owned()).collect())),
                 "return" if rest.text.is_empty() || rest.text == "None" => {
@@ -333,7 +333,7 @@ impl Model<'_, '_> {
             }
             let name = parts.first().filter(|p| is_name(p.text)).ok_or_else(refused)?.text.to_owned();
             if is_list(&value, &self.scope) || (is_changing_name(&list, &self.scope) && !stores(&body)) {
-                // A list is no value of a variable: it stands where the name is read.
+                // A list cannot be the value of a variable: replace the name by the list wherever it is read.
                 let (mut names, mut globals) = (Vec::new(), Vec::new());
                 assigned(&body, &mut names, &mut globals);
                 if names.contains(&name) {

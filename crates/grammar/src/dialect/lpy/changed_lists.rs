@@ -1,5 +1,6 @@
-//! Lists and dictionaries of the model that productions and functions change: arrays of the machine, which hold numbers. Outside of
-//! blocks, and in the axiom, they are lists as others are; productions see what the model has made of them.
+//! Lists and dictionaries of the model that productions and functions change: arrays of the stack machine, which hold numbers.
+//! Outside of blocks, and in the axiom, they are ordinary lists; productions begin with the items that they have at the end of
+//! the model.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -21,19 +22,19 @@ use super::statement::{Statement, Store};
 use super::vectors::{coordinates_of, dimension, vector};
 use crate::code::{ArrayShape, BinaryOp, ElementAccess, Op};
 
-/// Elements of all lists that change, of which each has the same share. Variables of the model need slots, too, of which there are
-/// 65,535.
+/// Limit on the elements of all changed lists together; each list gets an equal share. The rest of the 65,535 slots is for
+/// variables of the model.
 const MAX_ELEMENTS: usize = 49_152;
-/// Most items of one such list. Own: the machine is copied with its variables in each step.
+/// Limit on the items of one such list. Own: the stack machine is copied with its variables in each step.
 const MAX_LENGTH: usize = 8_192;
 
-/// Most lists that change. Own: each is looked for in all lines of the model.
+/// Limit on the number of changed lists. Own: each is searched for in all lines of the model.
 const MAX_LISTS: usize = 64;
 
-/// Name of the call that stands for the position of a key in such a dictionary; no function has it.
+/// Name of the call that represents the position of a key in such a dictionary; no function has it.
 const POSITION: &str = "(position)";
 
-/// What the items of a list are by an expression that need not be resolved; `None` for one that may be a number.
+/// Kind of the items of a list, derived from an unresolved expression for one item; `None` if the item may be a number.
 fn row_of(e: &PyExpr) -> Option<ListRow> {
     match e {
         PyExpr::List(items, _) if !items.is_empty() => Some(ListRow { width: items.len(), is_vector: false }),
@@ -60,7 +61,7 @@ fn keys_name(dictionary: &str) -> String {
     format!("(keys of {dictionary})")
 }
 
-/// Words of a text that are names.
+/// True if `word` occurs in `text` as a whole word.
 fn has_word(text: &str, word: &str) -> bool {
     text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|own| own == word)
 }
@@ -70,20 +71,20 @@ fn has_word(text: &str, word: &str) -> bool {
 struct ListNames {
     /// Lists of the model: set outside of blocks, or in a block that declares the name `global`.
     made: BTreeSet<String>,
-    /// Names that some block has for a variable or parameter of its own.
+    /// Names that some block uses for a local variable or a parameter.
     own: BTreeSet<String>,
     /// Names that blocks change as lists.
     changed: BTreeSet<String>,
-    /// What the items are that they get.
+    /// Kind of the items that blocks add to each list.
     rows: BTreeMap<String, ListRow>,
 }
 
 impl ListNames {
-    /// Adds the names of a block with this head.
+    /// Adds the names of a block with this heading.
     fn add_block(&mut self, head: &str, block: &[Line<'_>]) {
         let mut global: BTreeSet<String> = BTreeSet::new();
         let (mut set, mut lists, mut altered) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
-        // A statement may stand behind the heading of a block on its line.
+        // A statement may follow the heading of a block on the same line.
         let parts = block.iter().flat_map(|line| {
             let piece = line.piece;
             let (word, _) = piece.first_word(&['(', ':', '=', '[']);
@@ -113,7 +114,7 @@ impl ListNames {
                 set.extend(names);
             }
         }
-        // Variables of loops and parameters.
+        // Collect the loop variables; below, record the changed lists and the parameters and local names that hide them.
         for line in block {
             if let Some((targets, _)) = line.piece.text.strip_prefix("for ").and_then(|t| t.split_once(" in ")) {
                 set.extend(targets.split([',', '(', ')']).map(|n| n.trim().to_owned()));
@@ -132,7 +133,8 @@ fn is_list_text(text: &str) -> bool {
 }
 
 impl Model<'_, '_> {
-    /// Finds the lists and dictionaries of the model that productions and functions change, whose name no block has for another value.
+    /// Finds the lists and dictionaries of the model that productions and functions change, except those whose name is a local
+    /// variable or parameter in some block.
     pub(super) fn find_changed_lists(&mut self, list: &[Line<'_>]) {
         let mut names = ListNames::default();
         let mut i = 0;
@@ -143,7 +145,7 @@ impl Model<'_, '_> {
             if is_block {
                 let c = block_colon(rest);
                 let head = c.map_or(rest, |c| rest.up_to(c));
-                // A block of one line may stand behind its head.
+                // A block of one line may follow its heading on the same line.
                 let after = c.map_or(rest.from(rest.text.len()), |c| rest.from(c + 1).trimmed());
                 let inline = [Line { indent: 1, piece: after }];
                 let lines = if block.is_empty() && !line.piece.text.contains("-->") { &inline } else { block };
@@ -159,7 +161,7 @@ impl Model<'_, '_> {
         if changed.is_empty() || changed.len() > MAX_LISTS {
             return;
         }
-        // A dictionary has an array of its keys, too.
+        // A dictionary also has an array of its keys.
         let mut names = Vec::new();
         for name in &changed {
             let is_it = |line: &&Line<'_>| assignment(line.piece).is_some_and(|(n, _)| has_word(n.text, name));
@@ -174,7 +176,7 @@ impl Model<'_, '_> {
         let length = (MAX_ELEMENTS / names.len()).min(MAX_LENGTH);
         self.scope.array_slots = names.len() * length;
         let elements = names.into_iter().enumerate().map(|(k, (name, place))| ElementAccess {
-            // Below 65,536, as all together have fewer elements.
+            // Below 65,536, as all arrays together have at most `MAX_ELEMENTS` elements.
             shape: ArrayShape { first: slot_number(k * length), sizes: vec![saturating_index(length)] },
             name,
             place,
@@ -183,7 +185,7 @@ impl Model<'_, '_> {
         self.scope.changing = Rc::new(changed);
     }
 
-    /// Makes arrays of the lists that productions change, with the items that they have at the end of the model.
+    /// Creates the arrays of the lists that productions change, with the items that these have at the end of the model.
     pub(super) fn begin_changed_lists(&mut self) {
         let names: Vec<String> = self.scope.changing.iter().cloned().collect();
         for name in names {
@@ -208,7 +210,7 @@ impl Model<'_, '_> {
                 continue;
             }
             let is_list = keys.is_empty();
-            // Rows of numbers, one after the other.
+            // Items that are lists or vectors are stored as rows of numbers, one after the other.
             let known = self.scope.rows.get(&name).copied();
             let row = items.first().map_or(known, row_of);
             let length = items.len();
@@ -256,7 +258,7 @@ impl Model<'_, '_> {
         list_of(e, &self.scope).is_some_and(|(_, list)| list.keys.is_some())
     }
 
-    /// Where a statement sets an item of such a list.
+    /// The position, in the array of a list, that a store writes.
     pub(super) fn position_of(&self, store: &Store) -> Result<PyExpr, Refusal> {
         let index = resolve(&store.index, &self.scope, 0)?;
         let range = range_of(&index);
@@ -296,7 +298,7 @@ impl Model<'_, '_> {
         Ok(Some(items.iter().enumerate().map(column).collect()))
     }
 
-    /// Appends a store that nothing takes back.
+    /// Appends the code of a store that is never undone.
     pub(super) fn plain_store(&self, store: &Store, ops: &mut Vec<Op>) -> Result<(), Refusal> {
         let Some(list) = self.scope.arrays.get(&store.list) else { return Ok(()) };
         if may_be_list(&store.value, &self.scope)
@@ -311,7 +313,7 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Statements of a block with stores of elements in place of the changes of such lists.
+    /// The statements of a block, in which stores of elements replace the changes of such lists.
     pub(super) fn with_stores(&self, list: Vec<Statement>) -> Result<Vec<Statement>, Refusal> {
         if self.scope.changing.is_empty() || self.is_outside_of_blocks {
             return Ok(list);
@@ -338,7 +340,7 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// Appends the stores that a change of a list, or another list under its name, is.
+    /// Appends the stores that replace a change of a list, or the assignment of another list to its name.
     fn append_stores(&self, name: &str, e: PyExpr, out: &mut Vec<Statement>) -> Result<(), Refusal> {
         let place = range_of(&e);
         let length = || PyExpr::Name(length_name(name), place.clone());
@@ -353,7 +355,7 @@ impl Model<'_, '_> {
             out.push(Statement::Store(store));
             set_length(sum(1.0), out);
         };
-        // A dictionary gets the key behind its last one, unless it has the key.
+        // A key that the dictionary lacks is appended after its last key.
         let is_dictionary = self.scope.elements.iter().any(|own| own.name == keys_name(name));
         let set_key = |key: &PyExpr, value: &PyExpr, k: usize, out: &mut Vec<Statement>| {
             let [key_name, found, at] =
@@ -406,12 +408,12 @@ impl Model<'_, '_> {
                 (ListChange::Append, [_, value]) => append(value.clone(), out),
                 (ListChange::Extend, [_, more]) => extend(more, out)?,
                 (ListChange::Clear, [_]) => set_length(PyExpr::Number(0.0), out),
-                // `x = q.pop()` has read the item before.
+                // `x = q.pop()` has already read the item.
                 (ListChange::Pop, [_]) => {
                     let left = PyExpr::Call("max".to_owned(), vec![sum(-1.0), PyExpr::Number(0.0)], place.clone());
                     set_length(left, out);
                 }
-                // The items behind the one that is taken out move by one.
+                // The items after the removed one move down by one position.
                 (ListChange::Pop, [_, from @ PyExpr::Number(n)])
                     if *n >= 0.0 && !self.scope.rows.contains_key(name) =>
                 {
@@ -436,7 +438,7 @@ impl Model<'_, '_> {
             PyExpr::Binary(PyOp::Add, before, more) if matches!(&**before, PyExpr::Name(own, _) if own == name) => {
                 extend(more, out)?;
             }
-            // Another list under the name of this one.
+            // Assignment of another list to this name: its items replace all present ones.
             other => {
                 let items = match resolve(other, &self.scope, 0) {
                     Ok(PyExpr::List(items, _)) if !is_dictionary => items,
@@ -467,7 +469,7 @@ impl Model<'_, '_> {
     }
 }
 
-/// The list of the model, which productions change, that a name stands for.
+/// The name and the changed list of the model to which an expression refers; `None` for anything else.
 pub(super) fn list_of<'s>(e: &PyExpr, scope: &'s Scope) -> Option<(&'s str, &'s ChangedList)> {
     let PyExpr::Name(name, _) = e else { return None };
     if scope.arrays.is_empty() || scope.locals.contains(name) {
@@ -476,7 +478,7 @@ pub(super) fn list_of<'s>(e: &PyExpr, scope: &'s Scope) -> Option<(&'s str, &'s 
     scope.arrays.get_key_value(plain_name(name)).map(|(name, list)| (name.as_str(), list))
 }
 
-/// The refusal of such a list where a value is expected.
+/// The refusal of such a list as a whole where a number is expected.
 pub(super) fn whole_refusal(name: &str, range: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the list '{name}', which productions change, as a whole"), range);
     why.remedy("read its items, q[i], in a loop over it, or by len, sum, min, max and 'in'")
@@ -487,7 +489,7 @@ pub(super) fn reads_changing(e: &PyExpr, scope: &Scope) -> bool {
     !scope.changing.is_empty() && scope.changing.iter().any(|name| super::expression::mentions(e, name))
 }
 
-/// The position of an element by a resolved index or key: -1 where the list does not have it, which the machine reports.
+/// The position of an element by a resolved index or key; -1 if the list lacks it, which the stack machine reports.
 pub(super) fn position(
     name: &str,
     list: &ChangedList,
@@ -519,14 +521,15 @@ pub(super) fn position(
     })
 }
 
-/// The position of a key among those of a dictionary, -1 if it does not have the key.
+/// The position of a key among the keys of a dictionary; -1 if the dictionary lacks the key.
 fn key_position(name: &str, keys: usize, key: PyExpr, scope: &Scope, range: &Range<usize>) -> PyExpr {
     let length = PyExpr::Name(length_name(name), range.clone());
     let args = vec![PyExpr::Number(0.0), PyExpr::Number(-1.0), length, key];
     run(Search::Key, keys, args, scope, range)
 }
 
-/// The item at a position of what a loop goes over: a list, or the keys, values or both of a dictionary. `None` for anything else.
+/// The item at a position of the keys, values or items of a changed dictionary, over which a loop iterates; `None` for anything
+/// else.
 pub(super) fn turn_item(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Option<PyExpr> {
     let PyExpr::Call(method, args, _) = list else { return None };
     let (name, own) = list_of(args.first()?, scope)?;
@@ -540,7 +543,8 @@ pub(super) fn turn_item(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Ra
     })
 }
 
-/// The element of a column of the row at a position. A column outside of the row is at -1, which the machine reports.
+/// The position, in the array of a list of rows, of a column of the row at `at`; -1 for a column outside of the row, which the
+/// stack machine reports.
 fn cell(at: &PyExpr, column: &PyExpr, row: ListRow, scope: &Scope) -> PyExpr {
     let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
     let width = PyExpr::Number(f64::from(saturating_index(row.width)));
@@ -551,13 +555,13 @@ fn cell(at: &PyExpr, column: &PyExpr, row: ListRow, scope: &Scope) -> PyExpr {
     };
     let index = two(PyOp::Add, two(PyOp::Mul, at.clone(), width.clone()), column.clone());
     let has = |a: PyExpr, b: PyExpr| two(PyOp::Le, a, b);
-    // A row that is not there is at -1, its columns below 0.
+    // A row that does not exist has the position -1, which puts its columns below 0.
     let least = has(PyExpr::Number(0.0), column.clone());
     let within = PyExpr::And(Box::new(least), Box::new(two(PyOp::Lt, column, width)));
     PyExpr::Choice(Box::new(within), Box::new(index), Box::new(PyExpr::Number(-1.0)))
 }
 
-/// The item of a column of a row of such a list, `q[i][j]`, by resolved indices; `None` for any other.
+/// The item `q[i][j]`, a column of a row of such a list, by resolved indices; `None` for any other expression.
 pub(super) fn item_of_row(
     list: &PyExpr,
     column: &PyExpr,
@@ -596,7 +600,7 @@ pub(super) fn element(
     Ok(if row.is_vector { vector(items, range.clone()) } else { PyExpr::List(items, range.clone()) })
 }
 
-/// What a call gives of such a list, the first argument but for `in`; `None` for any other call.
+/// Result of a call on such a list, which is its first argument, or the second one of `in`; `None` for other calls.
 pub(super) fn call(
     function: &str,
     args: &[PyExpr],
@@ -643,7 +647,7 @@ pub(super) fn call(
     })
 }
 
-/// What code that goes through all items of a list finds.
+/// Result of generated code that loops over all items of a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Search {
     Sum,
@@ -653,24 +657,25 @@ enum Search {
     Key,
 }
 
-/// A call of code that goes through all items of a list. Its parameters are its variables: position, result, length, value.
+/// A call of generated code that loops over all items of a list. Its parameters are its variables: position, result, length,
+/// value.
 fn run(search: Search, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &Range<usize>) -> PyExpr {
     let own = format!("{search:?} of array {array}");
     if scope.run_index(&own).is_none() {
         let binary = |op| Op::Binary(op, usize::MAX);
         let item = [Op::Local(0), Op::LoadElement(array)];
-        // The loop: its test, what it does with an item, the next position.
+        // The loop consists of its test, the code for an item, and the step to the next position.
         let mut ops = vec![Op::Count(0), Op::Local(0), Op::Local(2), binary(BinaryOp::Lt), Op::Pop];
         let skip = ops.len() - 1;
         let first = ops.len();
         match search {
             Search::Sum => ops.extend([Op::Local(1), item[0], item[1], binary(BinaryOp::Add), Op::StoreLocal(1)]),
-            // The loop ends behind the item that is the value.
+            // At a match, store the position as the result and set the position to the length, which ends the loop.
             Search::Key => {
                 ops.extend([item[0], item[1], Op::Local(3), binary(BinaryOp::Eq), Op::JumpIfZero(first + 9)]);
                 ops.extend([Op::Local(0), Op::StoreLocal(1), Op::Local(2), Op::StoreLocal(0)]);
             }
-            // The first item, and each that is less or greater than what is the result so far.
+            // Take the first item, and every later one that is less (or greater) than the result so far.
             Search::Least | Search::Greatest => {
                 let compares = if search == Search::Least { BinaryOp::Lt } else { BinaryOp::Gt };
                 ops.extend([Op::Local(0), Op::Const(0.0), binary(BinaryOp::Eq), Op::Or(first + 8)]);
@@ -692,7 +697,7 @@ fn run(search: Search, array: usize, args: Vec<PyExpr>, scope: &Scope, range: &R
     PyExpr::Call(format!("{RUN}{own}"), args, range.clone())
 }
 
-/// True for such a list, or the keys, values or items of such a dictionary: a loop over it counts its turns.
+/// True for such a list, or for the keys, values or items of such a dictionary, over which a loop counts positions.
 pub(super) fn is_changing_name(e: &PyExpr, scope: &Scope) -> bool {
     match e {
         PyExpr::Name(name, _) => scope.changing.contains(plain_name(name)) && !scope.locals.contains(name),

@@ -34,7 +34,7 @@ pub(super) fn palette(lines: &[Piece<'_>]) -> Vec<(u8, [u8; 3])> {
     out
 }
 
-/// The text between the first parenthesis and its partner.
+/// The text between the first parenthesis and the one that closes it.
 fn arguments(piece: Piece<'_>) -> Option<Piece<'_>> {
     let open = piece.text.find('(')?;
     let mut depth = 0_usize;

@@ -47,7 +47,7 @@ pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), R
     if let Some(choice) = operand_choice(e, scope) {
         return emit(&choice, scope, ops);
     }
-    // An index that no place has, because divisions by zero in these models are not reported.
+    // The index of the source place is invalid, because divisions by zero in these models are not reported.
     let binary = |op: BinaryOp| Op::Binary(op, usize::MAX);
     match e {
         PyExpr::Number(n) | PyExpr::Text(n, _) => ops.push(Op::Const(*n)),
@@ -146,9 +146,8 @@ pub(super) fn tested(e: PyExpr) -> PyExpr {
     }
 }
 
-/// `a and b` or `a or b` as a choice of one of the operands, as in Python. `None` for other expressions; for truth values,
-/// for which the code of `&&` and `||` gives the same; and if an operand draws a random number, which a choice would draw twice.
-/// choice would draw it twice.
+/// `a and b` or `a or b` as a choice of one of the operands, as in Python. `None` for other expressions; for truth values, for
+/// which the code of `&&` and `||` gives the same; and if an operand draws a random number, which a choice would draw twice.
 fn operand_choice(e: &PyExpr, scope: &Scope) -> Option<PyExpr> {
     let is_and = match e {
         PyExpr::And(..) => true,

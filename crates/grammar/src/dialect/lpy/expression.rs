@@ -39,7 +39,7 @@ pub(super) enum PyExpr {
     /// `then if condition else other`, in the order condition, then, other.
     Choice(Box<Self>, Box<Self>, Box<Self>),
     Call(String, Vec<Self>, Range<usize>),
-    /// The list or dictionary after a change: the one before it, then the arguments of the change.
+    /// The list or dictionary that a change makes: the list or dictionary before it, then the arguments of the change.
     Change(ListChange, Vec<Self>, Range<usize>),
     /// A list `[a, b]` or a tuple `(a, b)`.
     List(Vec<Self>, Range<usize>),
@@ -153,7 +153,7 @@ pub(super) const ATTRIBUTE: &str = "(.)";
 /// Prefix of the name of the call of a method of a class of the model, `p.grow(2)` as `(method) grow` of p and 2.
 pub(super) const METHOD: &str = "(method) ";
 
-/// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
+/// Name of the call that represents `{key: value}`, whose arguments are keys and values in turn; no function has it.
 pub(super) const DICTIONARY: &str = "{..}";
 
 /// Names of the calls that represent `from:to:step` in the brackets of an index, and an omitted part of it.

@@ -24,7 +24,7 @@ fn known_value(e: &PyExpr, names: &[String]) -> Option<f64> {
     crate::vm::constant_value(&compile(e, &scope).ok()?).filter(|v| !v.is_nan())
 }
 
-/// Converts a function of assignments, `if`, `for` and `return` to a single expression.
+/// Converts a function that consists of assignments, `if`, `for` and `return` to a single expression.
 struct FunctionValue<'m> {
     pub scope: &'m Scope,
     pub place: Range<usize>,
@@ -33,7 +33,8 @@ struct FunctionValue<'m> {
 }
 
 impl FunctionValue<'_> {
-    /// Converts `statements`, the next one last; `names` and `values` are the variables so far.
+    /// Converts the statements of a function to its value. `statements`: a stack whose last entry comes next; `names` and
+    /// `values`: the variables so far.
     pub fn of(
         &mut self,
         mut statements: Vec<Statement>,
@@ -162,16 +163,16 @@ pub(super) fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
 }
 
 impl Model<'_, '_> {
-    /// Reads a `def`. A function with a value is stored as an expression; another one is refused where it is called. The
-    /// functions that L-Py calls itself become blocks.
+    /// Reads a `def`. A function that can be converted to one expression is stored as such, any other as its statements; one that
+    /// cannot be read is refused where it is called.
     pub(super) fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
         self.function_named(name, rest, block, range);
     }
 
-    /// As [`Self::function`], under another name than that of the text.
+    /// As [`Self::function`], with another name than in the text.
     pub(super) fn function_named(&mut self, name: String, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
-        // A function that rules call: its body stands after the colon or in the block.
+        // The body follows the colon on the same line, or is the block.
         let Some(FunctionHead { params, body }) = function_head(rest) else { return };
         let defaults: Vec<Option<PyExpr>> =
             params.iter().map(|(_, value)| value.and_then(|value| self.default_value(value))).collect();
@@ -194,7 +195,8 @@ impl Model<'_, '_> {
                 let value = of_model(&value, &params, &self.shared);
                 self.scope.functions.insert(name, (params, value));
             }
-            // A production that calls a function of statements runs these. A call of an unreadable function is refused there.
+            // A production that calls a function of statements runs the statements. A call of an unreadable function is refused
+            // there.
             None => {
                 self.scope.functions.remove(&name);
                 self.bodies.remove(&name);
@@ -226,7 +228,8 @@ impl Model<'_, '_> {
         self.bodies.contains_key(name) && !self.scope.functions.contains_key(name)
     }
 
-    /// Rereads functions that call a function of statements which is defined after them, now as functions of statements themselves.
+    /// Rereads the functions that call a function of statements defined after them; they now count as functions of statements
+    /// themselves.
     pub(super) fn read_callers_again(&mut self, list: &[Line<'_>]) {
         let calls_body = |model: &Self, name: &str| {
             let value = model.scope.functions.get(name).map(|(_, value)| value);
@@ -238,7 +241,7 @@ impl Model<'_, '_> {
             let Some(line) = list.get(i) else { return };
             let (block, _) = block_after(list, i, line.indent);
             let (_, rest) = line.piece.first_word(&['(', ':', '=']);
-            // Default values keep their values at the definition of the function.
+            // Default values are those at the definition of the function.
             let defaults = self.scope.defaults.get(&name).cloned().unwrap_or_default();
             self.scope.functions.remove(&name);
             self.function_named(name.clone(), rest, block, &line.piece.range());
@@ -246,7 +249,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Reads a `def` inside a production or function, whose value depends on its parameters and the variables around it.
+    /// Reads a `def` inside a production or function; its value depends on its parameters and the variables around it.
     pub(super) fn own_function(
         &mut self,
         rest: Piece<'_>,

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::execution_path::Step;
 use super::expression::{PyExpr, range_of};
 use super::lines::{Line, after_heading, block_after};
 use super::parser::parse;
@@ -11,7 +12,6 @@ use super::resolve::compile;
 use super::scope::arguments;
 use super::statement::{Statement, assigned, renamed};
 use super::strings::{PyModule, modules, spell};
-use super::way::Step;
 use super::{Model, ProductionLine, Section};
 use crate::dialect::text::Piece;
 use crate::program::{IgnoredSymbols, Production};
@@ -24,8 +24,8 @@ pub(super) const KEEP_ONE: &str = "keep one of them";
 const LIST: &str = "the list of 'ignore:' or 'consider:'";
 
 impl Model<'_, '_> {
-    /// Reads the values of the sliders that L-Py saves after the model: `('name', 'Integer', 5, 1, 10)`, in older files
-    /// without the type.
+    /// Reads the values of the sliders that L-Py saves after the model: `('name', 'Integer', 5, 1, 10)`, or without the type in
+    /// older files.
     pub(super) fn parameters(&mut self, list: &[Line<'_>]) {
         for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
             for part in line.piece.text.split('(').skip(1) {
@@ -191,7 +191,7 @@ impl Model<'_, '_> {
             (self.section, self.group, self.ignored) = (section, group, ignored);
             self.rule(list, index);
         }
-        // Remove the variables of the last production, which the functions that L-Py runs do not know.
+        // Remove the variables of the last production, which the functions that L-Py runs must not see.
         self.scope.locals.clear();
     }
 
@@ -290,14 +290,14 @@ impl Model<'_, '_> {
         let own: Vec<String> = names.iter().map(|name| format!("{name} (axiom)")).collect();
         let statements: Vec<Statement> = statements.iter().map(|s| renamed(s, &names, &own)).collect();
         self.is_in_axiom = true;
-        let ways = self.ways(&statements);
+        let paths = self.execution_paths(&statements);
         self.is_in_axiom = false;
-        let Some(ways) = self.settle(ways) else { return };
-        let [way] = ways.as_slice() else {
+        let Some(paths) = self.settle(paths) else { return };
+        let [path] = paths.as_slice() else {
             return self.refuse(&Refusal::new("an axiom with 'if'", value.range()));
         };
         // The computations of the axiom run before the first step.
-        for step in &way.steps {
+        for step in &path.steps {
             match step {
                 Step::Store(store) => {
                     let why = format!("a change of the list '{}' in the axiom", store.list);
@@ -311,7 +311,7 @@ impl Model<'_, '_> {
                 Step::Condition(..) => {}
             }
         }
-        let successor = self.successor(&way.modules);
+        let successor = self.successor(&path.modules);
         if let Some(successor) = successor {
             self.reader.axiom(successor);
         }

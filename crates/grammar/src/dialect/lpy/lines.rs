@@ -141,7 +141,8 @@ pub(super) fn without_comments(text: &str) -> String {
             b'[' | b'{' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
             b']' | b'}' => list = list.saturating_sub(1),
             b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',
-            // A heading at the beginning of a line cannot be a parameter: the parenthesis before it is not closed.
+            // If a heading begins a line within parentheses, the parenthesis before it is not closed, since a heading cannot be a
+            // parameter.
             b'\n' | b'\r' if depth > 0 => {
                 if rest.get(1).is_some_and(|c| matches!(c, b' ' | b'\t' | b')' | b'\n' | b'\r')) {
                     out[i] = b' ';

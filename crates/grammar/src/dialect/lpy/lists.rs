@@ -13,7 +13,7 @@ use crate::code::is_zero;
 /// Limit on the numbers of a `range(..)`.
 const MAX_ITEMS: f64 = 10_000.0;
 
-/// Limit on the items that `in` compares with, one after the other.
+/// Limit on the items with which `in` compares, one after the other.
 const MAX_MEMBERS: usize = 64;
 
 /// An item of a list; a negative index counts from the end. An index that is not constant becomes a choice between the items.

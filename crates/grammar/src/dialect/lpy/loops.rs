@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use super::Model;
+use super::execution_path::{ExecutionPath, MAX_STEPS, OpenPath, Step, on_path};
 use super::expression::{PyExpr, PyOp, size_with, substitute};
 use super::refusal::Refusal;
 use super::resolve::{compile, resolve};
 use super::scope::has_random;
 use super::statement::{Statement, changes, in_turn, names_of, only_computes};
-use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way};
 use crate::code::is_zero;
 use crate::vm;
 
@@ -57,9 +57,9 @@ impl Model<'_, '_> {
         list: &PyExpr,
         body: Vec<Statement>,
         place: Range<usize>,
-        now: &mut OpenWay,
+        now: &mut OpenPath,
     ) -> Result<(), Refusal> {
-        let why = match self.turns(&in_way(list, &now.way), &place) {
+        let why = match self.turns(&on_path(list, &now.path), &place) {
             Ok(turns) => {
                 check_turns(turns.len(), &body, place)?;
                 now.left.push(Statement::LoopEnd);
@@ -72,11 +72,11 @@ impl Model<'_, '_> {
             }
             Err(why) => why,
         };
-        if let Some(list) = self.list_of(list, &now.way) {
+        if let Some(list) = self.list_of(list, &now.path) {
             return self.loop_over_items(&name, &list, &body, place, now);
         }
         // Convert a `range(from, end, step)` whose values are not known to a loop that counts from 0.
-        if let Some(counted) = self.counted(list, &now.way) {
+        if let Some(counted) = self.counted(list, &now.path) {
             let mut turn = vec![Statement::Assign(name, counted.value)];
             turn.extend(body);
             now.left.push(Statement::For(counted.name, counted.turns, turn, place));
@@ -86,7 +86,7 @@ impl Model<'_, '_> {
         match range_end(list).filter(|_| only_computes(&body)) {
             Some(end) => self.loop_that_computes(name, end, body, place, now),
             None => {
-                let (end, most) = self.last_turn(list, &now.way, &place).ok_or(why)?;
+                let (end, most) = self.last_turn(list, &now.path, &place).ok_or(why)?;
                 self.bounded_loop(&name, end, most, &body, &place, now);
             }
         }
@@ -100,10 +100,10 @@ impl Model<'_, '_> {
         list: &PyExpr,
         body: &[Statement],
         place: Range<usize>,
-        now: &mut OpenWay,
+        now: &mut OpenPath,
     ) -> Result<(), Refusal> {
         let mut taken = Vec::new();
-        let (PyExpr::List(items, _) | PyExpr::Call(_, items, _)) = self.kept(list, &now.way, &mut taken) else {
+        let (PyExpr::List(items, _) | PyExpr::Call(_, items, _)) = self.kept(list, &now.path, &mut taken) else {
             return Err(Refusal::new("'for' over something other than a list", place));
         };
         if changes(body, name) {
@@ -128,7 +128,7 @@ impl Model<'_, '_> {
         end: PyExpr,
         body: Vec<Statement>,
         place: Range<usize>,
-        now: &mut OpenWay,
+        now: &mut OpenPath,
     ) {
         let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
         self.temporaries += 1;
@@ -152,12 +152,12 @@ impl Model<'_, '_> {
         most: u32,
         body: &[Statement],
         place: &Range<usize>,
-        now: &mut OpenWay,
+        now: &mut OpenPath,
     ) {
         let count = format!("(turns {})", self.temporaries);
         self.temporaries += 1;
-        now.way.bounds.assign(&count, &end, &self.scope);
-        now.way.steps.push(Step::Assign(count.clone(), end));
+        now.path.bounds.assign(&count, &end, &self.scope);
+        now.path.steps.push(Step::Assign(count.clone(), end));
         let mut inner = Vec::new();
         for k in (0..most).rev() {
             let value = f64::from(k);
@@ -181,12 +181,12 @@ impl Model<'_, '_> {
         body: Vec<Statement>,
         place: Range<usize>,
         turn: u32,
-        mut now: OpenWay,
-    ) -> Result<Vec<OpenWay>, Refusal> {
+        mut now: OpenPath,
+    ) -> Result<Vec<OpenPath>, Refusal> {
         if turn == 0 {
             now.left.push(Statement::LoopEnd);
         }
-        let known = self.known_value(&test, &now.way).map(|value| !is_zero(value));
+        let known = self.known_value(&test, &now.path).map(|value| !is_zero(value));
         if known == Some(false) {
             return Ok(vec![now]);
         }
@@ -198,7 +198,7 @@ impl Model<'_, '_> {
                 return Err(Refusal::new("'while' with too many turns", place));
             }
             // A `break` may end the loop on an unknown condition: each iteration then adds an execution path, as an unknown test would.
-            let conditions = now.way.steps.iter().filter(|s| matches!(s, Step::Condition(..))).count();
+            let conditions = now.path.steps.iter().filter(|s| matches!(s, Step::Condition(..))).count();
             if turn >= MAX_UNKNOWN && u32::try_from(conditions).is_ok_and(|n| n >= MAX_UNKNOWN) {
                 self.turns_left_out(place);
             } else {
@@ -209,12 +209,12 @@ impl Model<'_, '_> {
         if computes {
             let (names, globals) = names_of(&body);
             for name in &names {
-                now.way.bounds.forget(name);
-                now.way.lists.remove(name);
+                now.path.bounds.forget(name);
+                now.path.lists.remove(name);
             }
-            now.way.known.extend(names.into_iter().map(|name| (name, None)));
-            now.way.globals.extend(globals);
-            now.way.steps.push(Step::Loop(test, body, place));
+            now.path.known.extend(names.into_iter().map(|name| (name, None)));
+            now.path.globals.extend(globals);
+            now.path.steps.push(Step::Loop(test, body, place));
             return Ok(vec![now]);
         }
         if turn == MAX_UNKNOWN {
@@ -223,11 +223,11 @@ impl Model<'_, '_> {
         }
         let draws = has_random(&test, &self.scope);
         let mut taken = now.clone();
-        taken.way.steps.push(Step::Condition(test.clone(), true));
-        let goes_on = draws || taken.way.bounds.refine(&test, true, &self.scope);
-        let ends = draws || now.way.bounds.refine(&test, false, &self.scope);
+        taken.path.steps.push(Step::Condition(test.clone(), true));
+        let goes_on = draws || taken.path.bounds.refine(&test, true, &self.scope);
+        let ends = draws || now.path.bounds.refine(&test, false, &self.scope);
         taken.repeat(test.clone(), body, place, turn);
-        now.way.steps.push(Step::Condition(test, false));
+        now.path.steps.push(Step::Condition(test, false));
         Ok([Some(taken).filter(|_| goes_on), Some(now).filter(|_| ends)].into_iter().flatten().collect())
     }
 
@@ -260,11 +260,11 @@ impl Model<'_, '_> {
     }
 
     /// The parts of a loop over `range(from, end)` or `range(from, end, step)` with a constant step; `None` for other lists.
-    fn counted(&mut self, list: &PyExpr, way: &Way) -> Option<CountedRange> {
+    fn counted(&mut self, list: &PyExpr, path: &ExecutionPath) -> Option<CountedRange> {
         let PyExpr::Call(function, args, place) = list else { return None };
         let (from, end, step) = match args.as_slice() {
             [from, end] => (from, end, 1.0),
-            [from, end, step] => (from, end, self.known_value(step, way).filter(|step| step.abs() > 0.0)?),
+            [from, end, step] => (from, end, self.known_value(step, path).filter(|step| step.abs() > 0.0)?),
             _ => return None,
         };
         if !function.ends_with("range") {
@@ -275,7 +275,7 @@ impl Model<'_, '_> {
         let at = |name: &str| PyExpr::Name(name.to_owned(), place.clone());
         let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
         // Keep a constant beginning as a number, so that the largest number of iterations can be found.
-        let first = self.known_value(from, way).map_or_else(|| at(&begin), PyExpr::Number);
+        let first = self.known_value(from, path).map_or_else(|| at(&begin), PyExpr::Number);
         let (low, high) = if step > 0.0 { (first.clone(), end.clone()) } else { (end.clone(), first.clone()) };
         let span = two(PyOp::Sub, high, low);
         let turns = if is_zero(step.abs() - 1.0) {
@@ -294,14 +294,14 @@ impl Model<'_, '_> {
 
     /// The end of `range(end)` and the number of iterations to unroll: the upper bound of the end, or [`MAX_UNKNOWN`] with a
     /// warning L008.
-    fn last_turn(&mut self, list: &PyExpr, way: &Way, place: &Range<usize>) -> Option<(PyExpr, u32)> {
+    fn last_turn(&mut self, list: &PyExpr, path: &ExecutionPath, place: &Range<usize>) -> Option<(PyExpr, u32)> {
         let PyExpr::Call(name, args, _) = list else { return None };
         let [end] = args.as_slice() else { return None };
-        let constant = compile(&in_way(end, way), &self.scope).ok().and_then(|code| vm::constant_value(&code));
-        if !name.ends_with("range") || constant.is_some() || !self.is_readable(end, way) {
+        let constant = compile(&on_path(end, path), &self.scope).ok().and_then(|code| vm::constant_value(&code));
+        if !name.ends_with("range") || constant.is_some() || !self.is_readable(end, path) {
             return None;
         }
-        let most = self.at_most(end, &way.steps, 0).map(f64::ceil).filter(|m| *m <= MAX_COUNTED);
+        let most = self.at_most(end, &path.steps, 0).map(f64::ceil).filter(|m| *m <= MAX_COUNTED);
         if most.is_none() {
             let at = self.reader.place(place.clone());
             let message = format!("the end of this 'for' is not constant: read with up to {MAX_UNKNOWN} turns");
@@ -314,9 +314,9 @@ impl Model<'_, '_> {
     }
 
     /// True if all names of an expression are known after the steps of an execution path.
-    fn is_readable(&self, e: &PyExpr, way: &Way) -> bool {
+    fn is_readable(&self, e: &PyExpr, path: &ExecutionPath) -> bool {
         let mut scope = self.scope.clone();
-        for step in &way.steps {
+        for step in &path.steps {
             match step {
                 Step::Assign(name, _) => {
                     scope.local(name);

@@ -1,5 +1,5 @@
 //! Reads models of L-Py: rules, and the statements and expressions of Python that docs/dialects.md lists. A production with
-//! `if` becomes one production for each execution path through it, which the code calls a way.
+//! `if` becomes one production for each execution path through it.
 
 mod arrays;
 mod assignment;
@@ -12,6 +12,7 @@ mod curve_table;
 mod curves;
 mod dictionary;
 mod emit;
+mod execution_path;
 mod expression;
 mod functions;
 mod headings;
@@ -22,6 +23,8 @@ mod loops;
 mod objects;
 mod param_shape;
 mod parser;
+mod path_code;
+mod path_search;
 mod pieces;
 mod python;
 mod refusal;
@@ -34,9 +37,6 @@ mod shared_lists;
 mod statement;
 mod strings;
 mod vectors;
-mod way;
-mod way_code;
-mod ways;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -94,9 +94,10 @@ struct Model<'r, 's> {
     given: BTreeMap<&'static str, usize>,
     /// True while the statements of the axiom are read, whose loops are unrolled.
     is_in_axiom: bool,
-    /// The statements that are read are no block of a production or function: lists that these change are lists there.
+    /// True while statements outside of all productions and functions are read. There, the lists that productions change are
+    /// still ordinary lists.
     is_outside_of_blocks: bool,
-    /// Number of statements of Python that the model could not run without.
+    /// Number of refused statements of Python that the model needs in order to run.
     refusals: usize,
     /// Code that computes the values of the model before the first step.
     start: Vec<Op>,
@@ -207,7 +208,7 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
         model.scope.global(DIRECTION);
     }
     model.shared_names(&list);
-    // Sliders and module names come first, because L-Py knows them anywhere in the file.
+    // Read sliders and module names first, because they apply anywhere in the file.
     model.parameters(&list);
     model.classes(&list);
     model.curves(&list);
@@ -215,11 +216,11 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
     model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
-    // Then come the shapes of parameters, the lines in order, and the productions, which use all values of the model.
+    // Find the shapes of parameters, read the lines in order, then the productions, which use all values of the model.
     model.find_shapes(&list);
     model.lines(&list);
     model.read_productions(&list);
-    // Functions that L-Py calls itself, such as `StartEach`, come last, because they may use all names.
+    // Read the functions that L-Py calls itself, such as `StartEach`, last, because they may use all names.
     for (name, body, place) in std::mem::take(&mut model.run_later) {
         // The body may be on the line of the heading: `def Start(): backward()`.
         let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
@@ -301,14 +302,14 @@ impl Model<'_, '_> {
         let called = functions.iter().map(|f| {
             let code =
                 self.scope.with_tables(Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() });
-            // Loops over lists count at the place of their first call.
+            // Iterations of loops over lists are counted at the source place of the first call of the function.
             let mut code = code;
             if code.ops.iter().any(|op| matches!(op, Op::Count(_))) {
                 code.places = vec![self.reader.place(f.place.clone())];
             }
             CalledFunction { parameters: f.parameters, code, place: self.reader.place(f.place.clone()) }
         });
-        // Nothing else sets it.
+        // The cell is still empty, since only this function sets it.
         self.scope.run_code.get_or_init(|| called.collect());
     }
 
@@ -323,8 +324,8 @@ impl Model<'_, '_> {
         self.share_ignored_symbols();
         self.set_run_code();
         self.reader.program.curves = self.scope.curves.borrow().tables();
-        // The code of the model's values comes first, wherever they are in the file, then that of the function at the
-        // beginning of a run.
+        // Run the code of the model's values first, wherever they are in the file, then that of the function at the beginning of
+        // a run.
         append_code(&mut self.start, &self.functions.start);
         let [start, start_each, end_each] =
             [self.start.clone(), self.functions.start_each.clone(), self.functions.end_each.clone()]

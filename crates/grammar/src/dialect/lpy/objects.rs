@@ -1,5 +1,5 @@
-//! Objects of classes that hold values, such as `ParameterSet(age=0)`: their attributes, and how these are read and set. As
-//! a parameter of a module, an object becomes one number for each attribute.
+//! Objects of classes that hold values, such as `ParameterSet(age=0)`: their attributes, and how to read and set these. As a
+//! parameter of a module, an object becomes one number for each attribute.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -20,8 +20,8 @@ use crate::dialect::text::Piece;
 
 /// The class of L-Py whose objects have the attributes given at construction.
 const PARAMETER_SET: &str = "ParameterSet";
-/// Limit on the rounds that search modules to which an object is passed on from another module. Own: longer chains of
-/// modules are not known.
+/// Limit on the rounds that search for modules to which another module passes an object. Own: longer chains of modules are not
+/// found.
 const MAX_ROUNDS: usize = 16;
 
 /// Help for objects that two modules would share.
@@ -179,12 +179,13 @@ impl Model<'_, '_> {
             }
         }
         self.find_methods(list);
-        // Attributes that lines other than those of `__init__` set: objects that have one are shared by those who hold them.
+        // Collect the attributes that lines outside of `__init__` set. Objects with such an attribute can change, so all holders
+        // would see the change.
         let targets = list.iter().filter_map(|line| attribute_target(line.piece));
         self.changed_attributes.extend(targets.filter(|t| t.object.text != "self").map(|t| t.field.to_owned()));
     }
 
-    /// Notes the methods of classes, and the attributes that they change.
+    /// Records the methods of classes, and the attributes that they change.
     fn find_methods(&mut self, list: &[Line<'_>]) {
         for (i, line) in list.iter().enumerate().filter(|(_, line)| line.piece.text.starts_with("class ")) {
             for method in methods_of(list, i, line.indent) {
@@ -205,7 +206,8 @@ impl Model<'_, '_> {
         for method in methods_of(list, i, indent) {
             let Some(line) = list.get(method.index) else { continue };
             let name = format!("{METHOD}{}", method.name);
-            // Of two methods of one name a call does not tell which is meant.
+            // If several classes have a method of the same name, a call does not determine which one is meant; such a method is
+            // refused.
             if self.scope.refused_functions.contains_key(&name) {
                 continue;
             }
@@ -262,7 +264,7 @@ impl Model<'_, '_> {
                     continue;
                 }
                 if !is_head {
-                    // Axioms and functions pass only objects made in the same text.
+                    // Axioms and functions have no objects in their heads: they can pass on only objects made on the same line.
                     self.note_objects(*line, names, &BTreeMap::new());
                     continue;
                 }
@@ -319,7 +321,7 @@ impl Model<'_, '_> {
     }
 }
 
-/// A method of a class, but for those with special names: its name and line.
+/// A method of a class (name and line), except methods whose names begin with `__`.
 struct Method<'t> {
     name: &'t str,
     index: usize,
@@ -338,7 +340,8 @@ fn methods_of<'t>(list: &[Line<'t>], i: usize, indent: usize) -> Vec<Method<'t>>
     block.iter().enumerate().filter_map(method).collect()
 }
 
-/// Reads the lines of a class: `__init__`, and values of attributes. Functions that describe an object are not needed.
+/// Reads the lines of a class: `__init__`, and values of attributes. `__str__` and `__repr__` have no effect; [`Model::methods`]
+/// reads other methods.
 fn class_of(block: &[Line<'_>]) -> Result<Class, Refusal> {
     let mut class = Class::default();
     let mut i = 0;
@@ -354,7 +357,7 @@ fn class_of(block: &[Line<'_>]) -> Result<Class, Refusal> {
                     let why = Refusal::new(format!("the function '{name}' of a class"), line.piece.range());
                     return Err(why.remedy("give it a name of its own, and call it as a method: p.add(q)"));
                 }
-                // Methods are functions of the object.
+                // Other methods are read as functions of the object.
                 if name == "__init__" {
                     init_of(rest, inner, &mut class)?;
                 }

@@ -20,10 +20,11 @@ const MAX_DEPTH: usize = 200;
 /// Limit on the height of a syntax tree, which chains of operators also increase: functions on trees are recursive.
 const MAX_HEIGHT: usize = 500;
 
-/// Nesting of the names of a `for`; deeper ones are refused.
+/// Limit on the nesting of the names of a `for`.
 const MAX_TARGETS: usize = 16;
 
-/// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
+/// Methods that read a list or a dictionary. The call of one is represented by the call of a function whose name has a point
+/// before it.
 const METHODS: [&str; 7] = ["index", "get", "keys", "values", "items", "copy", "format"];
 
 /// Operators and punctuation, longer ones first.
@@ -200,7 +201,8 @@ pub(super) fn lambda(piece: Piece<'_>) -> Option<Lambda<'_>> {
     Some(Lambda { params, defaults, value })
 }
 
-/// A name that takes an item of a list, or the part of the item that these indices lead to: of `i, (a, b)` b is at 1, 1.
+/// A name that a comprehension or loop sets to an item of a list, or to the part of the item at these nested indices: in `i, (a,
+/// b)` the path of b is 1, 1.
 struct ItemTarget {
     name: String,
     path: Vec<usize>,
@@ -215,7 +217,7 @@ impl ItemTarget {
     }
 }
 
-/// `[value for name in list]`; several names take each item apart.
+/// Makes `[value for name in list]`; several names unpack each item.
 fn each_item(
     value: PyExpr,
     targets: Vec<ItemTarget>,
@@ -413,7 +415,7 @@ impl PyParser {
                 left = right;
                 continue;
             }
-            // Handle `is None` and `is not None`.
+            // `is` and `is not` compare with `None`.
             let by_word = self.eat_word("is").then(|| if self.eat_word("not") { PyOp::Ne } else { PyOp::Eq });
             let by_sign = match self.sign() {
                 Some("==") => Some(PyOp::Eq),
@@ -685,7 +687,7 @@ impl PyParser {
         if !self.eat_word("in") {
             return Err(Refusal::new("'for'", place));
         }
-        // The value was read before; the tests enclose it.
+        // `value`, which precedes `for`, has been parsed already; the tests are parsed next and wrap it.
         let mut height = self.height;
         let list = self.or()?;
         height = height.max(self.height);
@@ -711,7 +713,7 @@ impl PyParser {
         Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
     }
 
-    /// Reads the names of `for i, (a, b) in`. `path`: where what they take apart stands in the item.
+    /// Reads the names of `for i, (a, b) in`. `path`: position within the item of the part that these names unpack.
     fn targets(&mut self, path: &[usize], out: &mut Vec<ItemTarget>) -> Result<(), Refusal> {
         let first = out.len();
         let mut count = 0;
@@ -732,7 +734,7 @@ impl PyParser {
             }
             count += 1;
         }
-        // A single target takes the whole.
+        // A single target takes the whole item.
         if count == 1 {
             for target in out.iter_mut().skip(first) {
                 target.path.remove(path.len());
@@ -741,11 +743,11 @@ impl PyParser {
         Ok(())
     }
 
-    /// The rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map` are taken
-    /// side by side.
+    /// Parses the rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map`
+    /// are traversed in parallel.
     fn mapped(&mut self, is_filter: bool, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let place = self.here();
-        // A lambda gives names and a value, a function only its name.
+        // A lambda gives parameter names and a value; otherwise only the name of a function is given.
         let (mut names, mut value) = (Vec::new(), None);
         let mut function = None;
         if self.eat_word("lambda") {
@@ -844,7 +846,7 @@ impl PyParser {
         }
     }
 
-    /// The rest of such a call: the object is its first argument.
+    /// Parses the rest of such a call, of which the object becomes the first argument.
     fn method_call(&mut self, method: String, object: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
         self.depth += 1;
         if self.depth > MAX_DEPTH {
@@ -859,7 +861,7 @@ impl PyParser {
         Ok(call)
     }
 
-    /// Indices and coordinates after a value.
+    /// Parses the indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
         let mut count = 0;

@@ -95,7 +95,7 @@ pub(super) fn is_name(text: &str) -> bool {
     chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
 }
 
-/// What stands within the parentheses that a text begins and ends with; `None` for a text that is more or less than that.
+/// The contents of the parentheses that enclose a whole text; `None` if the text is not entirely in one pair of parentheses.
 pub(super) fn inside(piece: Piece<'_>) -> Option<Piece<'_>> {
     let inner = piece.text.strip_prefix('(')?;
     let end = closing(inner).filter(|end| end + 1 == inner.len())?;
@@ -110,14 +110,14 @@ fn is_nested_target(piece: Piece<'_>) -> bool {
     }
 }
 
-/// `name = expression`, also of several names; `None` for anything else.
+/// Splits an assignment `name = expression`, also of several names, into target and value; `None` for anything else.
 pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let i = piece.text.find('=')?;
     let names = piece.up_to(i).trimmed();
-    // `(x, y) = e` is `x, y = e`.
+    // `(x, y) = e` is the same as `x, y = e`.
     let names = inside(names).unwrap_or(names);
     let value = piece.from(i + 1).trimmed();
-    // One name may take the items that the others leave: `first, *rest = q`.
+    // One name may take the items that the other names leave: `first, *rest = q`.
     let parts = split(names);
     let stars = parts.iter().filter(|p| p.text.starts_with('*')).count();
     let is_target =
@@ -175,13 +175,13 @@ pub(super) fn method_call(piece: Piece<'_>) -> Option<MethodCall<'_>> {
     (is_name(name.text) && is_whole).then(|| MethodCall { name, method, args: split(inner.up_to(close)) })
 }
 
-/// The head of a function: its parameters with their default values, and the text after its colon.
+/// The heading of a function: its parameters with their default values, and the text after its colon.
 pub(super) struct FunctionHead<'t> {
     pub params: Vec<(String, Option<Piece<'t>>)>,
     pub body: Piece<'t>,
 }
 
-/// Reads the head of a function after `def`: `f(x, k=3) -> float: return x`.
+/// Reads the heading of a function after `def`: `f(x, k=3) -> float: return x`.
 pub(super) fn function_head(rest: Piece<'_>) -> Option<FunctionHead<'_>> {
     let params = parameters_of(rest)?;
     let inner = rest.from(rest.text.find('(')? + 1);
@@ -193,7 +193,7 @@ pub(super) fn function_head(rest: Piece<'_>) -> Option<FunctionHead<'_>> {
     Some(FunctionHead { params, body })
 }
 
-/// Parameter names in the head of a function, `Start(lstring):`, with their default values, as in `f(x, k=3):`.
+/// Parameter names in the heading of a function, `Start(lstring):`, with their default values, as in `f(x, k=3):`.
 pub(super) fn parameters_of(head: Piece<'_>) -> Option<Vec<(String, Option<Piece<'_>>)>> {
     let inner = head.from(head.text.find('(')? + 1);
     let list = split(inner.up_to(closing(inner.text)?));
@@ -228,7 +228,7 @@ pub(super) fn is_seed(piece: Piece<'_>) -> bool {
 pub(super) struct AttributeTarget<'t> {
     pub object: Piece<'t>,
     pub field: &'t str,
-    /// The rest of the line, from the operator on.
+    /// The rest of the line, beginning with the operator.
     pub rest: Piece<'t>,
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::Model;
 use super::assignment::{assign_statement, change_of, unreadable_assignment};
 use super::emit::append_code;
+use super::execution_path::Step;
 use super::expression::{PyExpr, first_call, is_dictionary, of_model};
 use super::headings::KEEP_ONE;
 use super::lines::{Line, block_after};
@@ -15,7 +16,6 @@ use super::resolve::{compile, is_list_or_vector, resolve};
 use super::run_functions::CALLED_FUNCTIONS;
 use super::scope::has_random;
 use super::statement::Statement;
-use super::way::Step;
 use crate::code::Op;
 use crate::dialect::text::Piece;
 use crate::vm;
@@ -68,7 +68,7 @@ impl Model<'_, '_> {
                 }
                 return next;
             }
-            // Imports that may fail; what follows an `except` runs where they do.
+            // A `try` block of imports only: read the imports and skip the `except` blocks, since imports never fail here.
             "try" if rest.text == ":" && only_imports(block) => {
                 block.iter().for_each(|l| self.import(l.piece));
                 let mut end = next;
@@ -80,7 +80,7 @@ impl Model<'_, '_> {
                 return end;
             }
             "if" | "for" | "while" | "try" => {
-                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
+                // Include the `elif` and `else` blocks of an `if`, the `else` block of a loop, and the other blocks of a `try`.
                 let mut end = next;
                 let more_words: &[&str] =
                     if word.text == "try" { &["except", "else", "finally"] } else { &["elif", "else"] };
@@ -102,7 +102,7 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
-            // Read before; one that cannot be read is refused where an object is made.
+            // The attributes of classes were read earlier; a class that cannot be read is refused where an object of it is made.
             "class" => {
                 self.methods(list, i, line.indent);
                 return next;
@@ -231,7 +231,7 @@ impl Model<'_, '_> {
         next
     }
 
-    /// Reads `extern(n = 3, angle = 60)`: values that a program around L-Py, or a slider of the file, may have set before.
+    /// Reads `extern(n = 3, angle = 60)`: values that a program which calls L-Py, or a slider of the file, may have set before.
     fn external(&mut self, rest: Piece<'_>) {
         let inside = rest.up_to(rest.text.rfind(')').unwrap_or(rest.text.len())).from(1);
         for part in split(inside) {
@@ -251,7 +251,8 @@ impl Model<'_, '_> {
 
     /// Sets a value of the model: a constant, or a number that is drawn once.
     pub(super) fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
-        // A function of statements runs as in the block of an axiom. One that cannot is named where the value is used.
+        // A value that calls a function of statements is computed like a block of the axiom. If the function cannot run, the use
+        // of the value is refused.
         let mut refused = None;
         if first_call(e, &|name| self.has_body(name)).is_some() {
             match self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range) {
@@ -287,7 +288,7 @@ impl Model<'_, '_> {
         let code = match resolved.and_then(|e| compile(&e, &self.scope)) {
             Ok(code) => code,
             Err(why) => {
-                // Named only where it is used: many models hold values that their rules do not need.
+                // The name is refused only where it is used, because many models contain values that their rules do not need.
                 let why = refused.unwrap_or(why);
                 self.scope.constants.remove(name);
                 self.scope.unreadable.insert(name.to_owned(), Refusal { range, ..why });
@@ -303,7 +304,8 @@ impl Model<'_, '_> {
             self.initial.insert(name.to_owned(), value);
         }
         self.scope.constants.remove(name);
-        // A slot above 65,535 would be that of another value, but `Scope::slot` does not find such names, so that each use is refused.
+        // A slot above 65,535 would be that of another value. `Scope::slot` does not find names with such slots, so that each use
+        // is refused.
         let slot = self.scope.global(name);
         append_code(&mut self.start, &code.ops);
         self.start.push(Op::StoreGlobal(slot));
@@ -312,22 +314,22 @@ impl Model<'_, '_> {
     /// Runs statements of the model like the block of an axiom; false if their execution path is known only at run time.
     fn run(&mut self, statements: &[Statement], range: &Range<usize>) -> Result<bool, Refusal> {
         self.is_in_axiom = true;
-        let ways = self.ways(statements);
+        let paths = self.execution_paths(statements);
         self.is_in_axiom = false;
-        let ways = ways?;
-        let [way] = ways.as_slice() else { return Ok(false) };
-        if !way.modules.is_empty() || !way.steps.iter().all(|step| matches!(step, Step::Assign(..))) {
+        let paths = paths?;
+        let [path] = paths.as_slice() else { return Ok(false) };
+        if !path.modules.is_empty() || !path.steps.iter().all(|step| matches!(step, Step::Assign(..))) {
             return Ok(false);
         }
-        for step in &way.steps {
+        for step in &path.steps {
             if let Step::Assign(name, e) = step {
                 self.global(name, e, range.clone());
             }
         }
-        for (name, list) in &way.lists {
+        for (name, list) in &path.lists {
             self.global(name, list, range.clone());
         }
-        self.shared_lists.extend(way.shared_lists.iter().cloned());
+        self.shared_lists.extend(path.shared_lists.iter().cloned());
         Ok(true)
     }
 

@@ -9,7 +9,7 @@ use crate::dialect::text::Piece;
 pub(super) struct Refusal {
     pub construct: String,
     pub range: Range<usize>,
-    /// How to rewrite it in supported form; `None` for the general advice.
+    /// Rewritten form that is supported; `None` for the general advice.
     pub remedy: Option<&'static str>,
 }
 

@@ -33,7 +33,7 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     let resolved = resolve(e, scope, 0)?;
     let mut code = Bytecode::default();
     emit(&resolved, scope, &mut code.ops)?;
-    // Without variables and random numbers the value is a single number.
+    // An expression without variables and random numbers is replaced by its value.
     code = scope.with_tables(code);
     if let Some(value) = crate::vm::constant_value(&code) {
         code = Bytecode { ops: vec![Op::Const(value)], ..Bytecode::default() };

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::execution_path::ExecutionPath;
 use super::expression::{PyExpr, PyOp};
 use super::lines::{Line, block_after};
 use super::objects::object_of;
@@ -14,7 +15,6 @@ use super::shapes::{SpreadModule, spread};
 use super::statement::{DIRECTION, GROUP, Statement, assigned};
 use super::strings::{PyModule, QUERIES, Spelled, frame_query, spell};
 use super::vectors::vector;
-use super::way::Way;
 use super::{Model, Section};
 use crate::code::Expr;
 use crate::dialect::text::Piece;
@@ -81,8 +81,8 @@ impl<'t> HeadParts<'t> {
     }
 }
 
-/// Names of modules with the numbers of parameters that they have in the text; empty if no parameter list contains `*`,
-/// because the numbers are needed only for that.
+/// Names of modules with the numbers of parameters that they have in the text; empty if no parameter list contains `*`, which
+/// alone needs these numbers.
 pub(super) fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usize)> {
     let mut out = BTreeSet::new();
     if !text.contains("(*") && !text.contains(",*") && !text.contains(", *") {
@@ -208,43 +208,45 @@ impl Model<'_, '_> {
             self.refuse(&why.remedy("call it in StartEach(), which runs before each step"));
             return None;
         }
-        // Productions of a group wait for its number.
+        // Productions of a group apply only while the number of the active group is theirs.
         if self.group.abs() > 0.0 {
             let active = PyExpr::Name(GROUP.to_owned(), 0..0);
             let is = PyExpr::Binary(PyOp::Eq, Box::new(active), Box::new(PyExpr::Number(self.group)));
             statements = vec![Statement::If(vec![(is, statements)], Vec::new())];
         }
-        let ways = self.ways(&statements);
-        let ways = self.settle(ways)?;
+        let paths = self.execution_paths(&statements);
+        let paths = self.settle(paths)?;
         // If an execution path changes an object of the head but makes no modules, the old module would remain with the old object.
-        let is_kept =
-            |way: &&Way| !way.produced && self.rule_lists.iter().any(|(name, _)| way.changed_objects.contains(name));
-        if let Some(way) = ways.iter().find(is_kept) {
-            let name = self.rule_lists.iter().map(|(name, _)| name).find(|name| way.changed_objects.contains(*name));
+        let is_kept = |path: &&ExecutionPath| {
+            !path.produced && self.rule_lists.iter().any(|(name, _)| path.changed_objects.contains(name))
+        };
+        if let Some(path) = paths.iter().find(is_kept) {
+            let name = self.rule_lists.iter().map(|(name, _)| name).find(|name| path.changed_objects.contains(*name));
             let name = name.cloned().unwrap_or_default();
             let range = head.place.span.start as usize..head.place.span.end as usize;
             let why = Refusal::new(format!("a change of '{name}' on a way that makes no modules"), range);
             self.refuse(&why.remedy("end each way by 'produce' with the module that holds the object: produce A(p)"));
             return None;
         }
-        // A way without modules still assigns variables of the model; the next production is tried after it.
-        let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty() || w.stores()).collect();
-        // A variable that only other ways set has no value: L-Py ends with an error on such a way.
+        // An execution path that makes no modules still assigns variables of the model; then the next production is tried.
+        let applied: Vec<&ExecutionPath> =
+            paths.iter().filter(|w| w.produced || !w.written().is_empty() || w.stores()).collect();
+        // On a path that does not set a variable, the variable has no value, and L-Py would end with an error.
         let is_of_head = |name: &String| self.rule_lists.iter().any(|(own, _)| own == name);
         names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name) && !is_of_head(name));
         let unset: Vec<Option<&String>> =
-            applied.iter().map(|way| names.iter().find(|name| way.misses(name))).collect();
+            applied.iter().map(|path| names.iter().find(|name| path.misses(name))).collect();
         let is_any_whole = unset.iter().any(Option::is_none);
         for name in unset.iter().flatten().filter(|_| is_any_whole).collect::<BTreeSet<_>>() {
             let message = format!("'{name}' has no value on a way through this production, which is left out");
             let help = "set it before the 'if' or the loop: L-Py ends with an error there";
             self.reader.session.warning("L008", message, head.place, help);
         }
-        for (way, unset) in applied.iter().zip(&unset) {
+        for (path, unset) in applied.iter().zip(&unset) {
             if unset.is_some() && is_any_whole {
                 continue;
             }
-            if let Some(production) = self.production(&head, way) {
+            if let Some(production) = self.production(&head, path) {
                 let program = &mut self.reader.program;
                 match self.section {
                     Section::Decomposition => program.decomposition.list.push(production),
@@ -322,7 +324,7 @@ impl Model<'_, '_> {
         let list = |names: &[String]| {
             PyExpr::List(names.iter().map(|n| PyExpr::Name(n.clone(), s.range.clone())).collect(), s.range.clone())
         };
-        // A query has three numbers, which a single name holds as a vector: `?P(v)` allows `v.x` and `v[0]`.
+        // A query has three numbers. A single name for them is a vector: `?P(v)` allows `v.x` and `v[0]`.
         let is_vector = QUERIES.contains(&s.name.as_str()) && params.len() < 3;
         // `A(x, *args)` accepts any number of parameters beyond the first: `star` of them in this reading of the head.
         let star = params.last().filter(|p| p.text.starts_with('*') && !p.text.starts_with("**"));
@@ -338,7 +340,7 @@ impl Model<'_, '_> {
             let mut chars = name.text.chars();
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
-            // A list or a vector has one name, and a parameter for each of its items.
+            // A list or a vector has one name, but a parameter for each of its items.
             if let (true, ParamShape::List(n) | ParamShape::Vector(n) | ParamShape::Object { count: n, .. }) =
                 (is_name, *shape)
             {
@@ -363,7 +365,7 @@ impl Model<'_, '_> {
                     why.remedy("give the parameter a name, and compare its items in a condition: v if v[0] > 2")
                 );
             }
-            // A name that an earlier parameter has is not a new one, and is refused below.
+            // The name of an earlier parameter is not a new name, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
                 conditions.extend(condition.map(|c| self.test(c)).transpose()?);
@@ -380,7 +382,7 @@ impl Model<'_, '_> {
                 conditions.extend(test);
                 continue;
             }
-            // Without a new name it must be a constant that the parameter must equal.
+            // An expression that is not a new name must be a constant, which the parameter must equal.
             let constant = parse(name).ok().and_then(|e| compile(&e, &self.scope).ok());
             let constant =
                 constant.and_then(|code| vm::constant_value(&code)).filter(|_| !is_name && condition.is_none());
@@ -420,12 +422,12 @@ impl Model<'_, '_> {
     }
 
     /// Makes the production of one execution path; `None` after an error.
-    fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
-        // Each path has its own variables; the parameters of the head are common to all.
+    fn production(&mut self, head: &Head, path: &ExecutionPath) -> Option<Production> {
+        // Each path has its own variables; all paths share the parameters of the head.
         let own = self.scope.locals.clone();
-        let made = self.way_code(way);
+        let made = self.path_code(path);
         let built = match self.settle(made) {
-            Some((before, condition)) => self.successor(&way.modules).map(|successor| {
+            Some((before, condition)) => self.successor(&path.modules).map(|successor| {
                 let successor = self.reader.numbered(successor);
                 Production {
                     left: head.left.clone(),

@@ -7,11 +7,11 @@ use super::assignment::unreadable_assignment;
 use super::emit::append_code;
 use super::expression::{PyExpr, range_of};
 use super::lines::Line;
+use super::path_code::{LoopJumps, push_test};
 use super::pieces::{closing, is_seed, split, statements_of_line};
 use super::refusal::Refusal;
 use super::resolve::compile;
 use super::statement::{DIRECTION, Statement};
-use super::way_code::{LoopJumps, push_test};
 use crate::code::Op;
 use crate::dialect::text::Piece;
 
@@ -19,7 +19,7 @@ use crate::dialect::text::Piece;
 pub(super) const CALLED_FUNCTIONS: [&str; 7] =
     ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
 
-/// Text of the refusal of a function that returns a string other than its argument.
+/// Message for a function that returns a string other than its argument.
 const OTHER_STRING: &str = "a function that returns another string";
 
 /// Placeholder target for the jump of a `return`, until the end of its function is known.
@@ -33,14 +33,15 @@ pub(super) struct RunFunctions {
     pub end_each: Vec<Op>,
 }
 
-/// True if the calls of `backward()` and `forward()` give steps different directions: there are both, or one stands behind a test.
+/// True if calls of `backward()` and `forward()` may give steps different directions: both are called, or a call is inside a
+/// block other than the body of a function.
 pub(super) fn changes_direction(list: &[Line<'_>]) -> bool {
     let (mut directions, mut is_tested) = (Vec::new(), false);
     for (i, line) in list.iter().enumerate() {
         let text = line.piece.text;
         let Some(at) = ["backward()", "forward()"].iter().find_map(|call| text.find(call)) else { continue };
         directions.push(text.get(at..).is_some_and(|t| t.starts_with("backward()")));
-        // The line that heads its block, which may be the line itself.
+        // Find the heading of the block that contains the call, which may be on the same line.
         let head = list.iter().take(i).rev().find(|other| other.indent < line.indent);
         let head = if at == 0 { head.map_or("", |l| l.piece.text) } else { text };
         is_tested |= !head.starts_with("def ") && !head.is_empty();
@@ -103,7 +104,7 @@ impl Model<'_, '_> {
                 lines.push(Line { piece: line.piece.up_to(end), ..*line });
                 continue;
             }
-            // The direction of all steps is no part of the code.
+            // If all steps have one direction, record it as a setting; it generates no code.
             let is_backward = text.starts_with("backward()");
             if (is_backward || text.starts_with("forward()")) && !self.scope.direction_changes {
                 self.direction = Some(is_backward);
@@ -158,7 +159,8 @@ impl Model<'_, '_> {
                 Statement::Assign(name, e) => {
                     let code = compile(e, &self.scope)?;
                     append_code(ops, &code.ops);
-                    // In Python the name is a local variable without `global`; blocks have none.
+                    // In Python a name assigned without `global` is local to the function. Blocks have no local variables, so
+                    // such a name is refused.
                     let is_of_model = self.scope.constants.contains_key(name) || self.shared.contains(name);
                     if !declared.contains(name) && is_of_model {
                         return Err(Refusal::new(format!("'{name}' as a variable of its own"), 0..0));
@@ -166,7 +168,8 @@ impl Model<'_, '_> {
                     ops.push(Op::StoreGlobal(self.scope.global(name)));
                 }
                 Statement::Store(store) => self.plain_store(store, ops)?,
-                // test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code that they pass.
+                // The code of an `if`: test, JumpIfZero to the next test, body, Jump to the end; both targets are known only
+                // after the code that they skip.
                 Statement::If(tests, other) => {
                     let mut ends = Vec::new();
                     for (test, then) in tests {
@@ -241,7 +244,7 @@ impl Model<'_, '_> {
     /// Reads a line that sets the turtle, such as `context().turtle.setAngleIncrement(90)`; false for other lines. L008 for
     /// a setting without effect.
     pub(super) fn turtle_setting(&mut self, piece: Piece<'_>) -> bool {
-        // The value of a method is in parentheses, that of a member follows '='.
+        // A value in parentheses sets the argument of a method, a value after '=' a member.
         let value = |method: &str, member: &str| {
             if let Some(i) = piece.text.find(method) {
                 let call = piece.from(i + method.len()).trimmed();
@@ -280,8 +283,8 @@ impl Model<'_, '_> {
         is_other
     }
 
-    /// Leaves out the productions that look at the new string on the side where the direction of rewriting has not made it yet:
-    /// L-Py does not apply them.
+    /// Removes the productions with a context in the new string on the side that is rewritten later, which L-Py never applies. If
+    /// the steps have different directions, none is removed.
     pub(super) fn keep_productions_of_direction(&mut self) {
         let is_backward = self.direction == Some(true);
         self.reader.program.is_backward = is_backward;

@@ -43,11 +43,11 @@ pub(super) struct Scope {
     pub texts: BTreeSet<String>,
     /// Lists by name that no statement changes; expressions may index them or loop over them.
     pub lists: BTreeMap<String, PyExpr>,
-    /// Names with unsupported values, and the reason.
+    /// Names with unsupported values, each with the reason.
     pub unreadable: BTreeMap<String, Refusal>,
     /// Functions whose body is one expression, by name: parameters and expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
-    /// Functions that cannot be read, and the reason.
+    /// Functions that cannot be read, each with the reason.
     pub refused_functions: BTreeMap<String, String>,
     /// Default values of parameters, by the name of the function.
     pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
@@ -57,14 +57,15 @@ pub(super) struct Scope {
     pub is_backward: bool,
     /// Lists and dictionaries of the model that productions and functions change, by name.
     pub changing: Rc<BTreeSet<String>>,
-    /// Those of them that are arrays of the machine, as blocks see them; empty until the values of the model are known.
+    /// Those of the lists in `changing` that are arrays of the stack machine, as blocks access them; empty until the values of
+    /// the model are known.
     pub arrays: BTreeMap<String, ChangedList>,
-    /// What the items of those of them are that hold lists or vectors, as the text tells.
+    /// Kind of the items of those changed lists that hold lists or vectors, derived from the text.
     pub rows: BTreeMap<String, ListRow>,
     /// The arrays, in the order of their numbers. Their elements are the first global variables.
     pub elements: Rc<Vec<ElementAccess>>,
     pub array_slots: usize,
-    /// Its steps have different directions.
+    /// True if the steps of the model have different rewriting directions.
     pub direction_changes: bool,
     /// Calls of functions in the expression that is resolved.
     pub calls: Cell<usize>,
@@ -108,7 +109,7 @@ impl Scope {
         slot_number(self.array_slots + i)
     }
 
-    /// Slot of a variable of the model; `None` if it is none, or lies beyond 65,535.
+    /// Slot of a variable of the model; `None` if there is no such variable, or its slot lies beyond 65,535.
     pub fn global_slot(&self, name: &str) -> Option<u16> {
         let i = self.globals.iter().position(|g| g == name)?;
         u16::try_from(self.array_slots + i).ok()

@@ -102,7 +102,8 @@ fn described(shape: &[ParamShape]) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Shape of a parameter derived only from its text: a list or vector constant. A name may refer to a number of a production.
+/// Shape of a parameter derived only from its text: a list or vector constant. A name counts as a number, since it may be a
+/// variable of a production.
 fn written_shape(piece: Piece<'_>) -> ParamShape {
     let text = piece.text;
     let is_whole = |open: usize| {

@@ -1,17 +1,17 @@
-//! Lists with two names (aliases). In Python a change of a list under one name also changes it under the other: changes of
-//! such lists, and of lists that another block has made, are refused.
+//! Lists with two names (aliases). In Python a change of a list under one name is also visible under the other: changes of such
+//! lists, and of lists that another block has made, are refused.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Model;
+use super::execution_path::ExecutionPath;
 use super::expression::{PyExpr, PyOp, SLICE, is_change, is_object, range_of};
 use super::objects::COPY_OBJECT;
 use super::refusal::Refusal;
 use super::statement::Statement;
-use super::way::Way;
 
-/// Functions that read lists, but store none of them in their result.
+/// Functions that read lists, but do not store any of them in their result.
 const READERS: [&str; 23] = [
     "copy",
     "deepcopy",
@@ -79,7 +79,7 @@ fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
             append_held(value, out);
             append_held(list, out);
         }
-        // The list before a change is not counted: it stays the same list.
+        // The list before a change is not counted, because the change does not make another list.
         PyExpr::Change(_, args, _) => args.iter().skip(1).for_each(|arg| append_held(arg, out)),
         PyExpr::Call(name, args, _) if !READERS.contains(&name.as_str()) => {
             args.iter().for_each(|arg| append_held(arg, out));
@@ -90,7 +90,7 @@ fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
 
 /// The refusal of a change of a list. `why`: the reason.
 fn change_refusal(name: &str, why: &str, place: Range<usize>, remedy: &'static str) -> Refusal {
-    // Names of variables in axioms and functions end in a number, which is removed.
+    // Remove the number in which the names of variables in axioms and functions end.
     let name = name.split(" (").next().unwrap_or(name);
     Refusal::new(format!("a change of the list '{name}', which {why}"), place).remedy(remedy)
 }
@@ -100,18 +100,19 @@ const COPY: &str = "make a copy under another name and change that one: p = list
 
 impl Model<'_, '_> {
     /// The lists that an assignment shares. Refuses a change of a list that was not made on this execution path, or that has two names.
-    pub(super) fn handed_on(&self, statement: &Statement, way: &Way) -> Result<HandedOn, Refusal> {
-        self.check_objects(statement, way)?;
+    pub(super) fn handed_on(&self, statement: &Statement, path: &ExecutionPath) -> Result<HandedOn, Refusal> {
+        self.check_objects(statement, path)?;
         let Statement::Assign(name, e) = statement else { return Ok(HandedOn::default()) };
-        self.check_change(name, e, way)?;
+        self.check_change(name, e, path)?;
         Ok(HandedOn::new(e))
     }
 
-    /// Refuses an object with two holders if some line of the model changes such objects: in Python both would change.
-    fn check_objects(&self, statement: &Statement, way: &Way) -> Result<(), Refusal> {
+    /// Refuses an object that two names or modules hold if some line of the model changes such objects: in Python the change
+    /// would be visible to both.
+    fn check_objects(&self, statement: &Statement, path: &ExecutionPath) -> Result<(), Refusal> {
         let object = |e: &PyExpr| match e {
             PyExpr::Name(name, place) => {
-                let value = way.lists.get(name).or_else(|| self.scope.lists.get(name))?;
+                let value = path.lists.get(name).or_else(|| self.scope.lists.get(name))?;
                 (is_object(value) && self.is_changing(value)).then(|| (name.clone(), place.clone()))
             }
             _ => None,
@@ -126,9 +127,9 @@ impl Model<'_, '_> {
                 Some((other, place)) if !name.starts_with('(') && other != *name => shared(&other, place),
                 _ => Ok(()),
             },
-            Statement::Assign(name, e) if way.handed_objects.contains(name) => shared(name, range_of(e)),
+            Statement::Assign(name, e) if path.handed_objects.contains(name) => shared(name, range_of(e)),
             Statement::Produce(modules, _) => {
-                let mut handed = way.handed_objects.clone();
+                let mut handed = path.handed_objects.clone();
                 for (name, place) in modules.iter().flat_map(|m| &m.args).filter_map(object) {
                     if !handed.insert(name.clone()) {
                         return shared(&name, place);
@@ -141,23 +142,23 @@ impl Model<'_, '_> {
     }
 
     /// Records the objects that a statement changes or passes on.
-    pub(super) fn note_objects_of(&self, statement: &Statement, way: &mut Way) {
-        let is_held = |name: &String, way: &Way| {
-            way.lists.get(name).or_else(|| self.scope.lists.get(name)).is_some_and(is_object)
+    pub(super) fn note_objects_of(&self, statement: &Statement, path: &mut ExecutionPath) {
+        let is_held = |name: &String, path: &ExecutionPath| {
+            path.lists.get(name).or_else(|| self.scope.lists.get(name)).is_some_and(is_object)
         };
         match statement {
-            Statement::Assign(name, e) if is_change(e) && is_held(name, way) => {
-                way.changed_objects.insert(name.clone());
+            Statement::Assign(name, e) if is_change(e) && is_held(name, path) => {
+                path.changed_objects.insert(name.clone());
             }
             Statement::Assign(name, _) => {
-                way.handed_objects.remove(name);
+                path.handed_objects.remove(name);
             }
             Statement::Produce(modules, _) => {
                 for arg in modules.iter().flat_map(|m| &m.args) {
                     if let PyExpr::Name(name, _) = arg
-                        && is_held(name, way)
+                        && is_held(name, path)
                     {
-                        way.handed_objects.insert(name.clone());
+                        path.handed_objects.insert(name.clone());
                     }
                 }
             }
@@ -165,35 +166,35 @@ impl Model<'_, '_> {
         }
     }
 
-    fn check_change(&self, name: &str, e: &PyExpr, way: &Way) -> Result<(), Refusal> {
+    fn check_change(&self, name: &str, e: &PyExpr, path: &ExecutionPath) -> Result<(), Refusal> {
         let is_change = is_change(e);
         if !is_change && !extends(name, e) {
             return Ok(());
         }
         let is_of_model = self.is_in_axiom && self.scope.lists.contains_key(name);
-        // An object of the head may be changed, because the module is made again.
+        // An object of the head may be changed, because the production makes the module again.
         let is_of_head =
             self.rule_lists.iter().any(|(own, _)| own == name) && self.scope.lists.get(name).is_some_and(is_object);
-        if is_change && !way.lists.contains_key(name) && !is_of_model && !is_of_head {
+        if is_change && !path.lists.contains_key(name) && !is_of_model && !is_of_head {
             return Err(change_refusal(name, "this block has not made", range_of(e), COPY));
         }
-        if way.shared_lists.contains(name) || (is_of_model && self.shared_lists.contains(name)) {
+        if path.shared_lists.contains(name) || (is_of_model && self.shared_lists.contains(name)) {
             return Err(change_refusal(name, "has two names", range_of(e), COPY));
         }
         Ok(())
     }
 
     /// Records the lists that have two names after a list is assigned to a name.
-    pub(super) fn share_lists(&self, name: &str, handed_on: &HandedOn, way: &mut Way) {
+    pub(super) fn share_lists(&self, name: &str, handed_on: &HandedOn, path: &mut ExecutionPath) {
         let is_temporary = |name: &str| name.starts_with('(');
         for other in handed_on.names.iter().filter(|other| *other != name) {
-            let is_list = way.lists.contains_key(other) || self.scope.lists.contains_key(other);
-            // Temporary variables of this reader are read once: a list that they pass on gets no further name.
+            let is_list = path.lists.contains_key(other) || self.scope.lists.contains_key(other);
+            // Temporary variables of this reader are read only once, so that a list in one of them has no second name.
             let is_read_again = !is_temporary(name) && !is_temporary(other);
-            if is_list && (is_read_again || way.shared_lists.contains(other)) {
-                way.shared_lists.insert(other.clone());
+            if is_list && (is_read_again || path.shared_lists.contains(other)) {
+                path.shared_lists.insert(other.clone());
                 if handed_on.is_same {
-                    way.shared_lists.insert(name.to_owned());
+                    path.shared_lists.insert(name.to_owned());
                 }
             }
         }

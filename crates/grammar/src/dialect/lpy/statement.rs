@@ -9,10 +9,10 @@ use super::strings::PyModule;
 /// Variable that holds the number of the active group of productions; no model can contain its name.
 pub(super) const GROUP: &str = "(group)";
 
-/// Variable that is not 0 in steps that rewrite from the end of the string, where the model changes the direction.
+/// Variable that is not 0 in steps that rewrite from the end of the string, if the model changes the direction.
 pub(super) const DIRECTION: &str = "(backward)";
 
-/// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
+/// Limit on the nesting of blocks in a production, since the reader is recursive.
 pub(super) const MAX_NESTING: usize = 64;
 
 #[derive(Debug, Clone)]
@@ -20,13 +20,13 @@ pub(super) enum Statement {
     Assign(String, PyExpr),
     /// Tests with their blocks, then the block of `else`.
     If(Vec<(PyExpr, Vec<Statement>)>, Vec<Statement>),
-    /// Variable, list of its values, body, place.
+    /// A `for` loop: variable, list of its values, body, place.
     For(String, PyExpr, Vec<Statement>, Range<usize>),
-    /// Adds modules; true if it ends the production.
+    /// Adds modules to the successor; true if it then ends the production.
     Produce(Vec<PyModule>, bool),
     /// Names declared `global`, whose assignments change variables of the model.
     Global(Vec<String>),
-    /// Test, body, place of the heading, and number of iterations unrolled before.
+    /// A `while` loop: test, body, place of the heading, and number of iterations unrolled before.
     While(PyExpr, Vec<Statement>, Range<usize>, u32),
     Break(Range<usize>),
     Continue(Range<usize>),
@@ -53,13 +53,13 @@ pub(super) enum Statement {
 pub(super) struct Store {
     pub list: String,
     pub index: PyExpr,
-    /// An index below 0 counts from the end, and one outside of the list is reported.
+    /// True if the index is checked: below 0 it counts from the end, and outside of the list it is reported.
     pub is_checked: bool,
     pub value: PyExpr,
 }
 
 impl Store {
-    /// The store with its expressions exchanged.
+    /// The store with its expressions replaced by `read`.
     pub fn mapped(&self, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
         Self { index: read(&self.index), value: read(&self.value), ..self.clone() }
     }
@@ -272,7 +272,8 @@ pub(super) fn changes(statements: &[Statement], name: &str) -> bool {
     })
 }
 
-/// True if statements set a name to another value than a change of its own. What they do where its value is `None` does not count.
+/// True if statements set a name to another value than a change of its own value. Statements that run only if its value is `None`
+/// do not count.
 pub(super) fn sets_anew(statements: &[Statement], name: &str) -> bool {
     let is_of_none = |test: &PyExpr| match test {
         PyExpr::Binary(PyOp::Eq, a, b) => {
@@ -306,7 +307,7 @@ pub(super) fn stores(statements: &[Statement]) -> bool {
     })
 }
 
-/// True if statements only compute: a loop of them becomes code that runs as often as it must.
+/// True if statements only compute, so that a loop of them can be compiled to code with any number of iterations.
 pub(super) fn only_computes(statements: &[Statement]) -> bool {
     statements.iter().all(|s| match s {
         Statement::If(tests, other) => tests.iter().all(|(_, then)| only_computes(then)) && only_computes(other),

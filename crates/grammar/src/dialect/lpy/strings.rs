@@ -9,7 +9,7 @@ use super::pieces::{assignment, closing, is_name, split};
 use super::refusal::Refusal;
 use crate::dialect::text::Piece;
 
-/// Names of L-Py that are synonyms of a shorter one. Source: its help card.
+/// Names of L-Py that are synonyms of a shorter name. Source: its help card.
 const ALIASES: [(&str, &str); 39] = [
     ("SB", "["),
     ("EB", "]"),
@@ -52,7 +52,7 @@ const ALIASES: [(&str, &str); 39] = [
     ("HeadingReflexion", "HeadingReflection"),
 ];
 
-/// Names of several characters that need no declaration. Source: the same.
+/// Names of several characters that need no declaration. Source: the help card of L-Py.
 const NAMES: [&str; 48] = [
     "SetContour",
     "SetGuide",
@@ -130,7 +130,8 @@ pub(super) struct Spelled<'t> {
 pub(super) struct PyModule {
     pub name: String,
     pub args: Vec<PyExpr>,
-    /// Shapes of its parameters before lists and vectors became numbers; `None` if `args` still holds them as written.
+    /// Shapes of its parameters before lists and vectors were replaced by numbers; `None` if `args` still holds lists and
+    /// vectors.
     pub shape: Option<Vec<ParamShape>>,
     pub range: Range<usize>,
 }
@@ -166,7 +167,7 @@ fn name_at(text: &str, declared: &[String]) -> (usize, String) {
         Some((name, short)) => (name.len(), short.to_owned()),
         None => {
             let c = text.chars().next().unwrap_or(' ');
-            // An unknown command of `@` is one name with the letter after it.
+            // An unknown command that begins with `@` has a name of two characters.
             let second = text[c.len_utf8()..].chars().next().filter(|d| c == '@' && !d.is_whitespace());
             let n = c.len_utf8() + second.map_or(0, char::len_utf8);
             (n, text[..n].to_owned())

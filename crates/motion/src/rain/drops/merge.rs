@@ -30,7 +30,7 @@ impl RainLeaf {
         if drops.iter().all(|d| d.merge_tested) {
             return;
         }
-        // A drop without a circle lies beyond the blade and touches nothing.
+        // A drop without a contact circle lies beyond the blade and touches no other drop.
         let law = &params.wetting.cap_law();
         let mut circles: Vec<Option<ContactCircle>> =
             drops.iter().map(|d| self.contact_circle(d, law, params)).collect();

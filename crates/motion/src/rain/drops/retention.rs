@@ -148,7 +148,7 @@ impl RainLeaf {
         let ahead = drop.uv + surface.uv_offset(direction * (FRONT_DISTANCE * cap.a));
         let wet = self.wetness_grid.wetness(ahead, step.t, params.drying_law());
         let uniform = params.retention_factor * WATER_SURFACE_TENSION * width * constants.hysteresis;
-        uniform * (1.0 + params.pinning_noise * noise) * (1.0 - WET_RELIEF * wet)
+        uniform * (1.0 + params.retention_variation * noise) * (1.0 - WET_RELIEF * wet)
     }
 }
 

@@ -213,7 +213,7 @@ impl RainLeaf {
                 + STEER_DOWNHILL * d.dot(downhill)
                 + STEER_WETNESS * wet
                 + STEER_VEIN * vein
-                + STEER_NOISE * params.pinning_noise * noise
+                + STEER_NOISE * params.retention_variation * noise
         };
         let scores = STEER_TURNS.each_ref().map(&mut score);
         let n = scores.len();

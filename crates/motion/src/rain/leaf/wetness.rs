@@ -23,7 +23,8 @@ impl DryingLaw {
     }
 }
 
-/// Reads wetness from a grid at one time. Places close together have mostly been covered at the same time: the last power is reused.
+/// Reads wetness from a grid at one time. Neighbouring places mostly have been covered at the same time, so the last wetness is
+/// reused.
 #[derive(Debug)]
 pub(in crate::rain) struct WetnessReader<'a> {
     grid: &'a WetnessGrid,
@@ -90,7 +91,7 @@ impl WetnessGrid {
 
     /// Mean wetness at time `t` over a blade that occupies `cells` cells, 0 to 1.
     pub fn mean_wetness(&self, cells: usize, t: f64, law: DryingLaw) -> f64 {
-        // A drop covers neighbouring cells at the same time, so the last power is reused while the time repeats.
+        // A drop covers neighbouring cells at the same time, so the last wetness is reused while the time repeats.
         let (mut last, mut wet, mut sum) = (f32::NEG_INFINITY, 0.0, 0.0);
         for covered in self.last_covered.iter().filter(|s| s.is_finite()) {
             if covered.to_bits() != last.to_bits() {

@@ -386,8 +386,8 @@ impl LeafWaterMaps {
         params: &DropParams,
     ) -> Vec<WetSpotStamp> {
         let n = self.raster.side as f64;
-        // A spot that became wet between two frames has dried since. Successive spots mostly have the same time: reuse the last
-        // power while the time repeats.
+        // A spot that became wet between two frames has dried since. Successive spots mostly have the same time, so the last
+        // wetness is reused while the time repeats.
         let now = elapsed_half_lives(t, params);
         let mut last: Option<(f64, f32)> = None;
         let mut peak = |t: f64| match last {

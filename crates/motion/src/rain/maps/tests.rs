@@ -198,7 +198,7 @@ fn maps_continue_beyond_the_margin() {
 fn trail(substeps: u32) -> Vec<f32> {
     const N: usize = 256;
     let params = DropParams {
-        pinning_noise: 0.0,
+        retention_variation: 0.0,
         decay_time: 1e4,
         decay_length: 1e3,
         bead_probability: 0.0,

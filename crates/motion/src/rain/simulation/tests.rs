@@ -54,7 +54,7 @@ fn simulation_of(plant: Box<dyn RainPlant>, params: DropParams, emitter: Option<
 }
 
 fn uniform_params() -> DropParams {
-    DropParams { pinning_noise: 0.0, ..DropParams::default() }
+    DropParams { retention_variation: 0.0, ..DropParams::default() }
 }
 
 /// Slope, degrees, at which a drop of `volume`, m^3, begins to run, in steps of 0.1 degrees.

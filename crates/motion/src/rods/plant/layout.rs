@@ -47,7 +47,7 @@ pub(crate) enum AxisMotion {
     Still,
     /// A rod, by index, that begins at an arc length, m in the plant's unscaled space; the axis is rigid below.
     Rod(usize, f64),
-    /// Rigid with the rod of an index at an arc length, m.
+    /// Moves rigidly with a rod: index of the rod, and arc length on it, m.
     Rider(usize, f64),
 }
 
@@ -106,7 +106,7 @@ impl RodPlantLayout {
         }
     }
 
-    /// Rod of each axis that may bend, without parent, and the arc length on the axis, m, from which on it bends.
+    /// Rod (without parent) of each axis that may bend, and the arc length on the axis, m, at which the bending part begins.
     fn rods_of_bending_axes(
         &self,
         plant: &Plant,

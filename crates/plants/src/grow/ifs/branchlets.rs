@@ -25,7 +25,7 @@ const VARIANTS: usize = 2;
 /// not pay for a mesh of their own.
 const MIN_CLASS_WORDS: usize = 12;
 /// Name prefix of the prototypes of branchlets: `twig_0`, `twig_1` and so on.
-pub const NAME: &str = "twig";
+pub const NAME_PREFIX: &str = "twig";
 
 /// A branchlet, grown at the geometric mean size of the words that it stands for.
 #[derive(Debug, Clone)]
@@ -141,7 +141,7 @@ pub fn grow(
     let tree = build_plant(stems, &expanded, plant, tree_size, options, |out, grown, placed| {
         let base = out.protos.len();
         let empty = std::sync::Arc::new(Mesh::default());
-        let proto = |i| Proto { name: format!("{NAME}_{i}"), mesh: std::sync::Arc::clone(&empty) };
+        let proto = |i| Proto { name: format!("{NAME_PREFIX}_{i}"), mesh: std::sync::Arc::clone(&empty) };
         out.protos.extend((0..branchlets.len()).map(proto));
         for (w, class) in ends.iter().zip(&classes) {
             if let Some(copies) = copies.get_mut(class) {
@@ -198,7 +198,7 @@ fn grow_branchlets(
         };
         let turned = TreeOptions { up: UP_DIRECTIONS[class.up_axis], ..options.clone() };
         for variant in 0..variants {
-            let identity = (plant.0, mix64(&[plant.1, word(NAME), number as u64, variant as u64]));
+            let identity = (plant.0, mix64(&[plant.1, word(NAME_PREFIX), number as u64, variant as u64]));
             let words = super::expand_words(stems, identity, options, &own)?;
             let own_size = TreeSize { scale: tree_size.scale * size, radius: tree_size.radius * thick };
             let grown = build_plant(stems, &words, identity, own_size, &turned, |_, _, _| {})?;
@@ -212,7 +212,7 @@ fn grow_branchlets(
 fn place_copy(plant: &mut Plant, grown: GrownTree<'_>, w: &Word, proto: usize, size: f64, placed: &mut PlacedOrgans) {
     let Some(site) = grown.skeleton.site(grown.stems, grown.expanded, w) else { return };
     let organ = Organ {
-        id: mix64(&[plant.axes[site.axis as usize].id, word(NAME), w.id]),
+        id: mix64(&[plant.axes[site.axis as usize].id, word(NAME_PREFIX), w.id]),
         scale: narrow(volume_scale(&w.map) / size),
         proto: proto_index(proto),
         ..organ_at_word(plant, site, &w.map, grown.scale)

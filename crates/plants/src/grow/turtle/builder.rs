@@ -661,7 +661,7 @@ impl WithSimd for &mut FrameBatch {
             let (m10, m11, m12) = (h.x, h.y, h.z);
             let (m20, m21, m22) = (u.x, u.y, u.z);
             let (difference, total) = (m11 - m00, m11 + m00);
-            let largest = Largest { zw: m22, yw: m22.select_gt(0.0, total, difference) };
+            let largest = Largest { z_or_w: m22, y_or_w: m22.select_gt(0.0, total, difference) };
             let (less, more) = (one - m22, one + m22);
             let four = largest.pick(less - difference, less + difference, more - total, more + total);
             let per = F64Lanes::from_scalar(simd, 0.5).div(four.sqrt());
@@ -709,18 +709,18 @@ impl<S: Simd> LaneVec<S> {
     }
 }
 
-/// Which component of a quaternion is the largest: z or w if `zw` is above 0, then y or w if `yw` is.
+/// Which component of a quaternion is the largest: z or w if `z_or_w` is above 0, then y or w if `y_or_w` is.
 #[derive(Clone, Copy)]
 struct Largest<S: Simd> {
-    zw: F64Lanes<S>,
-    yw: F64Lanes<S>,
+    z_or_w: F64Lanes<S>,
+    y_or_w: F64Lanes<S>,
 }
 
 impl<S: Simd> Largest<S> {
     /// In each lane the value for its largest component.
     #[inline(always)]
     fn pick(self, x: F64Lanes<S>, y: F64Lanes<S>, z: F64Lanes<S>, w: F64Lanes<S>) -> F64Lanes<S> {
-        self.zw.select_gt(0.0, self.yw.select_gt(0.0, w, z), self.yw.select_gt(0.0, y, x))
+        self.z_or_w.select_gt(0.0, self.y_or_w.select_gt(0.0, w, z), self.y_or_w.select_gt(0.0, y, x))
     }
 }
 

@@ -17,7 +17,8 @@ const MIN_PIECES: usize = 1024;
 const MIN_SIDES: usize = 16;
 /// Most steps of a sweep. Own: rings that lie closer cannot be seen.
 const MAX_SWEEP_STEPS: f64 = 1e4;
-/// Share of a length up to which it counts as 0, and a curve as used up. Source: the turtle of L-Py (PlantGL).
+/// Share of a length below which a length counts as 0, and the remaining part of a guide as none. Source: the turtle of L-Py
+/// (PlantGL).
 const EPSILON: f64 = 1e-5;
 
 /// A curve in a plane as straight pieces, with the lengths up to their ends.

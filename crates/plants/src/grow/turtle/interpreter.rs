@@ -210,7 +210,7 @@ pub(super) struct Turtle<'a> {
     commands: Vec<Command>,
     /// How far the module that is drawn has grown.
     pub(super) growth: ModuleGrowth,
-    /// Steps that the last step of the derivation removes have been made before modules below this index of the string.
+    /// Index in the final string: the removed steps that belong before a module below this index have been drawn.
     removed_before: usize,
     pub(super) symbols: Vec<char>,
     pub(super) s: TurtleState,

@@ -127,7 +127,7 @@ impl GrowingString<'_> {
             }
             depth += i32::from(self.grammar.symbols().get(m.symbol) == '[');
         }
-        // Steps that replace a step share its length at first: l (1 - part) / sum + part is the factor on each of their own lengths.
+        // Steps that replace one step first share its length l: each is scaled by (1 - part) l / sum + part.
         let replaces = self.is_step(parent) && sum > 0.0;
         let along = if replaces { (1.0 - part) * length(parent) / sum + part } else { part };
         let heir = self.heir(group);
@@ -148,8 +148,9 @@ impl GrowingString<'_> {
     }
 }
 
-/// Interpolates the parameters of modules that only change these in the last step, apart from segments and moves, whose
-/// lengths [`StepGrowth`] holds. `step_symbols`: for each symbol, whether it is a segment or a move.
+/// Interpolates the parameters of modules that the last step replaces by a module of the same symbol and number of parameters.
+/// Segments and moves are left out; [`StepGrowth`] holds their lengths. `step_symbols`: for each symbol, whether it is a segment
+/// or a move.
 pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, step_symbols: &[bool]) {
     let Some(step) = derived.last_step() else { return };
     let part = step.part;

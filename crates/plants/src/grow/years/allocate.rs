@@ -1,4 +1,4 @@
-//! From light to vigour: the light of tips and buds is summed to the base, then each of them receives its share of vigour.
+//! From light to vigour: sums the light of tips and buds towards the base, then distributes vigour to each of them.
 
 use super::light::{CellMarks, Grid, LeafAreas, LightField};
 use super::season::Season;
@@ -11,17 +11,17 @@ const DARK_TIP: f32 = 0.002;
 const MEAN_PATH: f32 = 1.47;
 /// Largest optical depth of a tip's leaves that is removed from the light of the tip.
 const OWN_SHADE_MAX: f32 = 2.0;
-/// Range of apical control after `reiterate` has changed it.
+/// Range to which apical control is limited after `reiterate` has changed it.
 const CONTROL_RANGE: [f32; 2] = [0.02, 0.98];
-/// Light per metre of living wood, in fully lit tips, from which `reiterate` has no effect.
+/// Light per metre of living wood, relative to a fully lit tip, above which `reiterate` has no effect.
 const FULL_LIGHT_PER_METRE: f32 = 3.0;
 
-/// Years in which a late stem lives on the reserves of the others, and the light to which these reserves correspond, in
-/// fully lit tips. Own: hazel sends up shoots of a metre in deep shade.
+/// Years in which a late stem is fed by the reserves of the older stems, and the light to which these reserves correspond,
+/// relative to a fully lit tip. Own: hazel grows shoots of a metre in deep shade.
 const SPROUT_YEARS: f32 = 5.0;
 const SPROUT_LIGHT: f32 = 2.0;
 
-/// Stands for the bare stretch beyond a node that bears several living branches: such a node ends the stretch.
+/// Marks, in `Scratch::bare`, a node that bears several living branches: such a fork ends the bare stretch below it.
 const BORNE_TWICE: f32 = -1.0;
 
 impl Tree {
@@ -83,7 +83,7 @@ impl Tree {
             let q = field.in_cell(scratch.cell[i]).q;
             let q = (q * math::exp_f32((own * share).min(OWN_SHADE_MAX))).min(1.0);
             let light = net(q);
-            // A counter with memory: one lit year undoes one dark year.
+            // The counter decreases in lit years: one lit year compensates one dark year.
             if light < 0.0 {
                 nodes.starve[i] = nodes.starve[i].saturating_add(1);
             } else {
@@ -104,8 +104,8 @@ impl Tree {
         }
     }
 
-    /// Sums light and length of living wood towards the base. With `shed`, subtrees without light die, and side axes with too
-    /// little of it per length and wood that is bare over too long a stretch for the light beyond it are shed.
+    /// Sums light and length of living wood towards the base. With `shed`, three kinds of wood die: subtrees without light, side
+    /// axes with too little light per length of wood, and wood that is bare over a stretch too long for the light beyond it.
     pub fn sum_light(&mut self, shed: bool) {
         let habit = &self.habit;
         let year = self.year as f32;
@@ -121,7 +121,7 @@ impl Tree {
             }
             let total = scratch.main[i] + scratch.side[i];
             let wood = scratch.wood[i] + nodes.length[i];
-            // An internode with leaves interrupts the bare stretch; a fork has interrupted it already (`BORNE_TWICE`).
+            // An internode with leaves ends the bare stretch; at a fork the stretch has ended already (`BORNE_TWICE`).
             let years = year - nodes.birth[i];
             let leafy = habit.leaf_area_shoot > 0.0 && years < habit.leaf_years + 1.0;
             let bears = nodes.flags[i] & flag::OPEN != 0 || leafy;
@@ -130,7 +130,7 @@ impl Tree {
             if nodes.parent[i] == NONE {
                 nodes.gathered[i] = total;
                 scratch.wood[i] = wood;
-                // One of several stems dies like a branch, unless it has still to sprout.
+                // One of several stems dies like a branch, unless it has not sprouted yet.
                 if shed && total <= 0.0 && habit.stems > 1.5 && nodes.birth[i] < year {
                     nodes.flags[i] |= flag::DEAD;
                     nodes.death[i] = this_year;
@@ -141,13 +141,13 @@ impl Tree {
             // [palubicki] 4.2, shedding: light per length of wood below a threshold. Continuations are exempt: an axis is shed as
             // a whole.
             let old = years > habit.shed_age;
-            // Own: a long shoot that bears its leaves at the end alone gathers too little light for the wood behind them. It dies as far
-            // down as it is bare, since what is left of it has no light.
+            // Own: a long shoot with leaves only at its end gathers too little light for the wood below them. The whole bare
+            // stretch dies, since without those leaves it receives no light.
             let whip = old && nodes.order[i] > 0 && bare > habit.bare_max * total;
             if shed && (total <= 0.0 || whip || old && !is_main && total < habit.shed * wood) {
                 nodes.flags[i] |= flag::DEAD;
                 nodes.death[i] = this_year;
-                // The pipes that fed it remain in the wood below, as far as the species keeps them.
+                // The share `pipe_memory` of the cross-section that supplied the dead branch remains in the wood below.
                 nodes.lost[parent] += habit.pipe_memory * nodes.area[i];
                 self.losses.push(Loss { at: nodes.parent[i], light: nodes.gathered[i] });
                 continue;
@@ -155,7 +155,7 @@ impl Tree {
             nodes.gathered[i] = total;
             scratch.wood[i] = wood;
             scratch.wood[parent] += wood;
-            // A stretch of no length still counts as the first: only the second child of a node makes a fork of it.
+            // A bare stretch of length 0 is stored as a positive number, so that only the second child marks the node as a fork.
             let first = scratch.bare[parent].abs() < f32::MIN_POSITIVE;
             scratch.bare[parent] = if first { bare.max(f32::MIN_POSITIVE) } else { BORNE_TWICE };
             if is_main {
@@ -166,7 +166,7 @@ impl Tree {
         }
     }
 
-    /// Sums light and wood again after leaders were replaced; nothing is shed.
+    /// Sums light and wood again after leaders were replaced; no wood is shed.
     pub fn sum_light_again(&mut self) {
         let nodes = &self.nodes;
         let scratch = &mut self.scratch;
@@ -224,7 +224,7 @@ impl Tree {
     }
 }
 
-/// Smallest light assumed for a stem in its first years, because older stems feed it; 0 for stems of the first year.
+/// Smallest light assumed for a stem in its first years, in which older stems feed it; 0 for stems of the first year.
 #[inline]
 fn sprout_reserve(birth: f32, year: u32) -> f32 {
     let fed = birth > 0.0 && year as f32 - birth <= SPROUT_YEARS;

@@ -14,14 +14,14 @@ use osier_base::simd::{F32Lanes, Lane as _};
 
 /// Density of dead wood divided by that of living wood.
 const DEAD_DENSITY: f32 = 0.6;
-/// Bends that would move the end of the axis by less than this, m, are postponed until the gains of moment add up to it: most
-/// twigs need no bend in most years.
+/// A bend that would move the end of the axis by less than this, m, is postponed until the accumulated gain of moment is large
+/// enough: most twigs need no bend in most years.
 const LEAST_SHIFT: f32 = 1e-4;
 /// Largest bend of an internode in a year, rad.
 const BEND_MAX: f32 = 0.5;
-/// Share of the angle to hanging that a bend may use.
+/// Share that a bend may use of the angle between the internode and the direction straight down.
 const BEND_SHARE: f32 = 0.6;
-/// Reaction wood: radius at which it turns at its full rate, m; least radius that is used, m; largest factor.
+/// Reaction wood: radius, m, at which it turns an internode at its full rate; least radius used in this ratio, m; largest factor.
 const RIGHTING: [f32; 3] = [0.01, 0.003, 1.5];
 /// Largest turn by reaction wood in a year, rad.
 const RIGHTING_MAX: f32 = 0.2;
@@ -31,14 +31,14 @@ const LEAST_SINE: f32 = 1e-4;
 const LOWEST: f32 = 0.1;
 
 impl Tree {
-    /// Bends the wood under the weight added this year and moves all that it bears.
-    /// Source: [jirasek] for wood laid on a bent branch, which keeps it bent: only the growth of the moment bends.
+    /// Bends the wood under the weight added this year, and moves all wood that the bent wood carries.
+    /// Source: [jirasek]: wood laid down on a bent branch keeps the branch bent, so that only the growth of the moment bends it.
     pub fn bend(&mut self) {
         self.sum_weights();
         self.turn_wood();
     }
 
-    /// First moments along x and z of the mass from each internode on, about its base, kg m.
+    /// First moments along x and z of the mass beyond the base of each internode, about that base, kg m.
     fn sum_weights(&mut self) {
         let mut weights = std::mem::take(&mut self.scratch.weight);
         weights.clear();
@@ -125,7 +125,7 @@ const WINDOW: usize = 256;
 
 /// The internodes of a window, sorted by rounds: an internode turns in the round after its parent.
 struct Window {
-    /// Round of each internode, its weight, and whether it rights itself.
+    /// Round of each internode, its weight, and whether reaction wood turns it.
     round: [u16; WINDOW],
     loads: [Load; WINDOW],
     rights: [bool; WINDOW],
@@ -162,7 +162,7 @@ impl Window {
                 self.round[k] = 0;
                 continue;
             }
-            // A parent before the window has turned already.
+            // A parent before the window has already been turned.
             let parent = wood.nodes.parent[i];
             let above = (parent as usize).checked_sub(first).and_then(|p| self.round[..k].get(p));
             self.round[k] = above.map_or(0, |round| round + 1);
@@ -171,7 +171,7 @@ impl Window {
             self.ends[usize::from(self.round[k])] += 1;
             self.count = self.count.max(usize::from(self.round[k]) + 1);
         }
-        // A counting sort: `ends` first holds where each round begins, and in the end where it ends.
+        // Counting sort: `ends` first contains the beginning of each round, and finally its end.
         let mut sum = 0;
         for end in &mut self.ends[..self.count] {
             sum += std::mem::replace(end, sum);
@@ -243,18 +243,18 @@ impl Turning<'_> {
         Load { torque, moment, angle, bends }
     }
 
-    /// Rate at which an internode rights itself: only living wood does.
+    /// Rate at which reaction wood turns an internode; 0 for dead wood.
     fn rate(&self, i: usize) -> f32 {
         let nodes = &self.nodes;
         if nodes.flags[i] & flag::DEAD == 0 { self.habit.upright[usize::from(nodes.order[i])] } else { 0.0 }
     }
 
-    /// Whether an internode belongs to a branch that rights itself.
+    /// Whether an internode belongs to a branch that reaction wood turns.
     fn rights(&self, i: usize) -> bool {
         self.nodes.order[i] > 0 && self.nodes.parent[i] != NONE && self.rate(i) > 0.0
     }
 
-    /// Turns an internode, whose parent has turned.
+    /// Turns an internode whose parent has been turned.
     fn turn(&mut self, i: usize, load: &Load) {
         let rate = self.rate(i);
         let nodes = &mut *self.nodes;
@@ -265,8 +265,7 @@ impl Turning<'_> {
             Some(p) => (*p, self.turns[parent as usize]),
             None => (nodes.base(i), Quat::IDENTITY),
         };
-        // Orientation of the internode after the rotation of its parent, so that what the parent has righted is not
-        // righted again.
+        // Orientation of the internode after the rotation of its parent, so that it does not repeat the righting of the parent.
         let mut q = carried * nodes.q[i];
         // `own` is the rotation that children inherit: all turns from the root to here.
         let mut own = carried;
@@ -274,7 +273,7 @@ impl Turning<'_> {
             let d = y_axis(q);
             let mut turn = Vec3::ZERO;
             if load.bends {
-                // Torsion is left out: the part of the torque along the internode.
+                // Remove the torsion, which is the component of the torque along the internode.
                 turn = (load.torque - d * d.dot(load.torque)) * (limited_bend(load.angle, d) / load.moment);
             }
             if rate > 0.0 {
@@ -287,7 +286,7 @@ impl Turning<'_> {
         }
         let mut q = renormalized(q);
         let mut d = y_axis(q);
-        // Side branches are kept above the ground; wood that starts below it, on slopes, stays as it is.
+        // Keep side branches above the ground; wood that starts below it, on slopes, stays as it is.
         if order > 0 && new_base.y >= LOWEST && new_base.y + d.y * length < LOWEST {
             let up = math::rotation_between(d, lowest_direction(d, new_base.y, length));
             own = up * own;
@@ -344,13 +343,13 @@ impl Turning<'_> {
     }
 }
 
-/// Most internodes that one instruction handles.
+/// Largest number of internodes that one instruction processes.
 const MOST_LANES: usize = 16;
 
-/// A number of each internode of a group.
+/// One number for each internode of a group.
 type LaneRow = [f32; MOST_LANES];
 
-/// A vector of each internode of a group.
+/// One vector for each internode of a group.
 #[derive(Default)]
 struct VecRows {
     x: LaneRow,
@@ -380,7 +379,7 @@ impl VecRows {
     }
 }
 
-/// A quaternion of each internode of a group.
+/// One quaternion for each internode of a group.
 #[derive(Default)]
 struct QuatRows {
     x: LaneRow,
@@ -413,15 +412,15 @@ impl QuatRows {
     }
 }
 
-/// Internodes of living branches.
+/// Internodes of living branches that are turned together, as rows of SIMD lanes.
 #[derive(Default)]
 struct TurningGroup {
     index: [u32; MOST_LANES],
     loads: [Load; MOST_LANES],
     count: usize,
-    /// Rotation of the parent; in the end that which children inherit.
+    /// Rotation of the parent; finally the rotation that children inherit.
     rotation: QuatRows,
-    /// Orientation: before any turn, then with the rotation of the parent, in the end with all turns.
+    /// Orientation: first before any turn, then with the rotation of the parent, finally with all turns.
     orientation: QuatRows,
     base: VecRows,
     end: VecRows,
@@ -432,7 +431,7 @@ struct TurningGroup {
     /// Sine and cosine of the target elevation.
     sin_elevation: LaneRow,
     cos_elevation: LaneRow,
-    /// Torque of the weight, N m; it has no part along y.
+    /// Torque of the weight, N m; its component along y is 0.
     torque_x: LaneRow,
     torque_z: LaneRow,
     /// 1 if the internode bends, otherwise 0.
@@ -470,7 +469,8 @@ impl WithSimd for BendKernel<'_> {
         for first in (0..MOST_LANES).step_by(lanes) {
             let part = first..first + lanes;
             let q = group.rotation.load(simd, &part).times(group.orientation.load(simd, &part));
-            // The angle to hanging, and the share of it that a bend may use (`limited_bend`).
+            // Angle between the internode and the direction straight down, times the share of it that a bend may use
+            // (`limited_bend`).
             let down = -q.y_axis().y;
             let angle = angle_of_magnitude(down.max(-down));
             let angle = down.select_lt(0.0, F32Lanes::from_scalar(simd, std::f32::consts::PI) - angle, angle);
@@ -480,7 +480,7 @@ impl WithSimd for BendKernel<'_> {
     }
 }
 
-/// The operations of [`Turning::turn`] from the bend on, in the same order.
+/// The operations of [`Turning::turn`] that begin with the bend, in the same order.
 struct RightingKernel<'a>(&'a mut TurningGroup);
 
 impl WithSimd for RightingKernel<'_> {
@@ -503,7 +503,7 @@ impl WithSimd for RightingKernel<'_> {
             let (is_bent, bend) = (load(simd, &group.is_bent, &part), load(simd, &group.bends, &part));
             let d = q.y_axis();
             let zero = F32Lanes::from_scalar(simd, 0.0);
-            // The bend, without torsion.
+            // The bend, without its torsion.
             let along = d.x * torque_x + d.y * zero + d.z * torque_z;
             let bent_x = is_bent.select_gt(0.5, (torque_x - d.x * along) * bend, zero);
             let bent_y = is_bent.select_gt(0.5, (zero - d.y * along) * bend, zero);
@@ -516,7 +516,7 @@ impl WithSimd for RightingKernel<'_> {
                 y: zero * per_level * cos_e + sin_e,
                 z: d.z * per_level * cos_e + zero * sin_e,
             };
-            // The turn towards it (`righting`).
+            // The turn towards the target direction (`righting`).
             let about = LaneVec {
                 x: d.y * wanted.z - wanted.y * d.z,
                 y: d.z * wanted.x - wanted.z * d.x,
@@ -530,7 +530,7 @@ impl WithSimd for RightingKernel<'_> {
                 .min(F32Lanes::from_scalar(simd, RIGHTING[2]));
             let scale = (deviation * rate * factor).min(F32Lanes::from_scalar(simd, RIGHTING_MAX)).div(sine);
             let v = LaneVec { x: bent_x + about.x * scale, y: bent_y + about.y * scale, z: bent_z + about.z * scale };
-            // Its quaternion (`small_rotation`).
+            // The quaternion of the turn (`small_rotation`).
             let t = v.dot(v);
             let half =
                 F32Lanes::from_scalar(simd, 0.5) - t * (F32Lanes::from_scalar(simd, 1.0 / 48.0) - t * (1.0 / 3840.0));
@@ -559,7 +559,7 @@ impl WithSimd for RightingKernel<'_> {
     }
 }
 
-/// [`angle_of_cosine`] of cosines that are not negative.
+/// [`angle_of_cosine`] in lanes, for cosines that are not negative.
 #[inline(always)]
 fn angle_of_magnitude<S: Simd>(cosine: F32Lanes<S>) -> F32Lanes<S> {
     let square = F32Lanes::from_scalar(cosine.simd, 2.0) - cosine * 2.0;
@@ -636,14 +636,14 @@ fn angle_of_cosine(cosine: f32) -> f32 {
     if cosine < 0.0 { std::f32::consts::PI - angle } else { angle }
 }
 
-/// The bend of an internode, limited by how far it can hang.
+/// The bend of an internode, limited by its angle to the direction straight down.
 #[inline]
 fn limited_bend(angle: f32, d: Vec3) -> f32 {
     limited(angle, BEND_SHARE * angle_of_cosine(-d.y))
 }
 
-/// A bend that is limited by `most`, rad.
-/// Source: theta = min(0.5, 0.6 h (1 - exp(-theta / (0.6 h)))), h = angle to hanging.
+/// A bend limited by `most`, rad.
+/// Source: theta = min(0.5, 0.6 h (1 - exp(-theta / (0.6 h)))), h = angle to the direction straight down.
 #[inline]
 fn limited(angle: f32, most: f32) -> f32 {
     if most <= 0.0 {

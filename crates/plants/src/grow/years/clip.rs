@@ -1,7 +1,7 @@
 //! A recorded tree as a plant whose wood and leaves can be posed at any time of a clip. Own.
 //!
-//! The plant holds every axis that is seen at some time, so that its skin has one topology. Before its birth a node lies at the
-//! tip that its axis has reached; a branch that falls thins out and then lies at its base.
+//! The plant holds every axis that is visible at some time, so that its skin has one topology. Before its birth a node lies at
+//! the tip that its axis has reached; a branch that falls thins out and then lies at its base.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use osier_scene::plant::Plant;
 /// of its organs.
 #[derive(Debug, Clone, Default)]
 pub struct PoseNow {
-    /// Positions of all nodes that the clip ever has, m.
+    /// Positions of all nodes that are visible at some time of the clip, m.
     pub p: Vec<Vec3>,
     /// Rotations into plant space, +Y along the axis.
     pub q: Vec<Quat>,
@@ -35,8 +35,8 @@ pub struct PoseNow {
 /// A recorded tree as a plant, with the sources from which its nodes and leaves are posed.
 #[derive(Debug, Clone)]
 pub struct GrowthClip {
-    /// All axes that are visible at some time, as at the end of the clip; fallen ones as they were when they fell. It has as many
-    /// organs as leaves are visible at once.
+    /// All axes that are visible at some time: in their state at the end of the clip, or, for fallen ones, when they fell. The
+    /// plant has as many organs as leaves are visible at once.
     pub plant: Plant,
     record: Arc<GrowthRecord>,
     options: PlantOptions,
@@ -114,8 +114,8 @@ struct PosedNode {
     r: f32,
 }
 
-/// Pose of a node of the plant on given wood: its radius is the mean of the internodes on both sides, its frame halves the angle
-/// between them.
+/// Pose of a node of the plant on given wood: its radius is the mean of those of the internodes on both sides, and its frame
+/// halves the angle between them.
 fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
     let i = source.node as usize;
     let p = match wood.p.get(source.place as usize) {
@@ -124,7 +124,7 @@ fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
     };
     let (q, own) = (wood.q[i], wood.r[i] * wood.shown[i]);
     let Some(next) = wood.q.get(source.next as usize) else { return PosedNode { p, q, r: own } };
-    // Wood that is not there at this time has no part in the mean.
+    // Wood that does not exist at this time has weight 0 in the mean direction.
     let n = source.next as usize;
     let (here, ahead) = (y_axis(q), y_axis(*next) * wood.shown[n]);
     let tangent = math::normalize_or(here + ahead, here);
@@ -136,7 +136,8 @@ fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
 }
 
 impl GrowthClip {
-    /// Pose of the plant at an age, years. Costs time in proportion to all nodes that the tree ever had, whatever the age.
+    /// Pose of the plant at an age, years. The cost is proportional to the number of all nodes that the tree ever had, whatever
+    /// the age.
     pub fn pose(&self, age: f32) -> PoseNow {
         let wood = self.record.wood(age);
         let mut pose = PoseNow::default();
@@ -158,7 +159,7 @@ impl GrowthClip {
         self.sources.iter().map(|source| posed_node(&self.record.tree, &wood, *source).p).collect()
     }
 
-    /// The tree at the end of the last year that the clip shows, without what has fallen by then, validated.
+    /// The tree at the end of the last year that the clip shows, without wood that has fallen by then, validated.
     /// # Errors
     /// As [`GrownTree::plant`].
     pub fn plant_at_end(&self, limits: &Limits) -> Result<Plant> {

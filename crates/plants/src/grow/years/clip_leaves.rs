@@ -1,4 +1,5 @@
-//! Leaves of a recorded tree: when each unfolds and falls, and places for as many as are visible at once. Own.
+//! Leaves of a recorded tree: the times at which each unfolds and falls, and slots for as many leaves as are visible at once.
+//! Own.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -20,21 +21,21 @@ const AUTUMN: f32 = 0.8;
 /// Years that a leaf takes to unfold and to fall. At 24 frames a year its size grows by 0.21 and shrinks by 0.28 a frame.
 const UNFOLDING: f32 = 0.2;
 const FALLING: f32 = 0.15;
-/// Years between the time at which a leaf that stays over winter begins to unfold and that at which the one before it begins to fall:
-/// the area of both together is then never below that of one.
+/// Overlap of two successive leaves of a species whose leaves stay over winter, years: the new leaf begins to unfold this long
+/// before the old one begins to fall, so that the area of both together is never below that of one leaf.
 const OVERLAP: f32 = FALL_DELAY - SPRING;
-/// Least years from the unfolding of such a leaf to the end of its year: more than `OVERLAP` and `FALLING` together.
+/// Least time, years, from the unfolding of such a leaf to the end of its year: more than `OVERLAP` and `FALLING` together.
 const LEAD: f32 = 0.26;
 /// Latest part of its year in which a leaf that falls in autumn begins to unfold.
 const LATEST_SPRING: f32 = 0.55;
 /// Part of a year in which the leaves of a tip turn to the direction of its new shoot.
 const TURNING: f32 = 0.25;
-/// Frames between the fall of a leaf and the next one in its place, so that no motion blur joins them.
+/// Frames between the fall of a leaf and the next leaf in its slot, so that motion blur does not join them.
 const FRAMES_BETWEEN: f64 = 2.0;
 /// Leaves that live longer than this stay over winter, years: `leaf_years` are rounded up, and the tree of each age bears as many years
 /// of leaves.
 const DECIDUOUS_YEARS: f32 = 1.0;
-/// Age of the fall of a leaf that outlives the record.
+/// Age of fall of a leaf that does not fall within the record.
 const STAYS: f32 = f32::INFINITY;
 
 /// Whether the leaves of a clip follow the seasons.
@@ -47,12 +48,12 @@ pub enum ClipLeaves {
     Summer,
 }
 
-/// How leaves appear and vanish in a clip, and how far its frames are apart.
+/// How leaves appear and vanish in a clip, and the time between its frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
-    /// Whether leaves follow the seasons or are there all year.
+    /// Whether leaves follow the seasons or remain all year.
     pub leaves: ClipLeaves,
-    /// Years of growth between two frames; the sign does not matter.
+    /// Years of growth between two frames; the sign has no effect.
     pub frame_years: f64,
 }
 
@@ -63,11 +64,11 @@ pub struct LeafNow {
     pub position: Vec3,
     /// Rotation into plant space.
     pub orientation: Quat,
-    /// Factor on the size of the plant's organ; 0 if the leaf is not there.
+    /// Factor on the size of the plant's organ; 0 if the leaf does not exist at this time.
     pub size: f32,
 }
 
-/// Site of a leaf, which decides how it moves as the tree grows.
+/// Site of a leaf, which determines how it moves as the tree grows.
 #[derive(Debug, Clone, Copy)]
 enum LeafSite {
     /// In the rosette at the tip of an axis, which moves with the tip.
@@ -88,7 +89,7 @@ struct LeafLife {
     falls: f32,
 }
 
-/// A node that is the tip of an axis from a year on.
+/// A node that becomes the tip of an axis in a year.
 #[derive(Debug, Clone, Copy)]
 struct TipStop {
     axis: u32,
@@ -98,11 +99,11 @@ struct TipStop {
 
 pub(super) struct SlotOptions<'a> {
     pub clip: ClipOptions,
-    /// Bounds the number of places.
+    /// Limits the number of slots.
     pub limits: &'a Limits,
 }
 
-/// Places of leaves; the organ at a place shows several leaves one after the other.
+/// Slots of leaves. The organ of a slot shows several leaves in succession.
 #[derive(Debug, Clone)]
 pub(super) struct LeafSlots {
     foliage: Foliage,
@@ -113,21 +114,21 @@ pub(super) struct LeafSlots {
     first_tip: Vec<u32>,
     /// Length of the internode of each node before any cut, m.
     whole_lengths: Vec<f32>,
-    /// Lives sorted by place, then by time.
+    /// Lives sorted by slot, then by time.
     lives: Vec<LeafLife>,
-    /// Index of the first life of each place, then the number of all lives.
+    /// Index of the first life of each slot, then the number of all lives.
     first_life: Vec<u32>,
-    /// Size factor of the plant's organ at each place.
+    /// Size factor of the plant's organ in each slot.
     scales: Vec<f32>,
-    /// Pose of each place while it waits for its first leaf: that of the plant's organ, of size 0. Because it does not
-    /// move, formats that omit samples which interpolation restores write none of it.
+    /// Pose of each slot before its first leaf: that of the plant's organ, with size 0. It does not move, so that formats which
+    /// omit redundant samples write none of it.
     pub waiting: Vec<LeafNow>,
 }
 
 impl LeafSlots {
-    /// Finds the lives of all leaves that the clip shows, and assigns them to places.
+    /// Finds the lives of all leaves that the clip shows, and assigns them to slots.
     /// # Errors
-    /// `Limit` for more places than organs are allowed.
+    /// `Limit` for more slots than organs are allowed.
     pub fn new(record: &GrowthRecord, leaves: &TreeFoliage<'_>, options: SlotOptions<'_>) -> Result<Self> {
         let tree = &record.tree;
         let mut tips: Vec<TipStop> = (0..tree.nodes.len())
@@ -142,10 +143,10 @@ impl LeafSlots {
         for i in 1..first_tip.len() {
             first_tip[i] += first_tip[i - 1];
         }
-        // The cuts of a node are in the order of years: the first one is the last to be assigned.
+        // The cuts of a node are in the order of years. Assign them in reverse, so that the first cut determines the length.
         let mut whole_lengths = tree.nodes.length.clone();
         tree.cuts.iter().rev().for_each(|cut| whole_lengths[cut.node as usize] = cut.length);
-        // Counts became sums: `first_tip[a]..first_tip[a + 1]` are the tips of axis a.
+        // After prefix sums over the counts, `first_tip[a]..first_tip[a + 1]` are the tips of axis a.
         let mut slots = Self {
             foliage: leaves.foliage.clone(),
             mean: leaves.mean,
@@ -159,7 +160,7 @@ impl LeafSlots {
         };
         let mut lives = slots.all_lives(record, options.clip.leaves);
         let [first, last] = record.ages();
-        // Only leaves that are visible between the first and the last frame need a place.
+        // Only leaves that are visible between the first and the last frame need a slot.
         lives.retain(|life| life.unfolds < last && life.falls + FALLING > first);
         slots.share_places(record, lives, options)?;
         Ok(slots)
@@ -173,7 +174,7 @@ impl LeafSlots {
         &self.tips[self.first_tip[axis as usize] as usize..self.first_tip[axis as usize + 1] as usize]
     }
 
-    /// Lives of the leaves of all tips and internodes that the record knows, by site.
+    /// Lives of the leaves of all tips and internodes of the record, by site.
     fn all_lives(&self, record: &GrowthRecord, come_and_go: ClipLeaves) -> Vec<LeafLife> {
         let tree = &record.tree;
         let sheds = come_and_go == ClipLeaves::Seasons && tree.habit.leaf_years <= DECIDUOUS_YEARS;
@@ -210,7 +211,7 @@ impl LeafSlots {
             let site = LeafSite::Tip { axis };
             lives.extend((0..count).map(|k| LeafLife { site, k, count, unfolds, falls }));
         };
-        // A stem comes out of the ground at the end of its year, without a shoot; other axes begin with one.
+        // A stem emerges from the ground at the end of its year, without a shoot; other axes begin with a shoot.
         let is_stem = tree.nodes.parent[first.node as usize] == NO_NODE;
         if sheds {
             // One rosette each year, as long as the axis has an open tip.
@@ -231,15 +232,15 @@ impl LeafSlots {
         let year = record.first_year(i).max(1.0);
         let born = record.start(i).max(year - 1.0);
         if sheds {
-            // An internode that appears late in the summer unfolds its leaves at once, but not after `LATEST_SPRING`: they need
-            // time before the fall.
+            // An internode that grows late in the summer unfolds its leaves at once, but not after `LATEST_SPRING`, so that they
+            // are fully unfolded before they fall.
             return [born.clamp(year - 1.0 + SPRING, year - 1.0 + LATEST_SPRING), year - 1.0 + AUTUMN];
         }
         let years = tree.habit.leaf_years.ceil().max(1.0);
         // The new leaf unfolds early enough for the leaf before it to have fallen by the end of the year.
         let unfolds = born.min(year - LEAD);
         let living = record.last_living_year(i);
-        // Three ends: the branch dies first; the leaf outlives the record; it falls of age.
+        // Three cases: the branch dies first, the leaf does not fall within the record, or the leaf falls at its age.
         let falls = if living < year + years - 1.0 {
             end_of_life(record, living)
         } else if year + years > tree.year as f32 {
@@ -252,18 +253,18 @@ impl LeafSlots {
         [unfolds, falls]
     }
 
-    /// Assigns each life to a place that is free by then, or to a new one; each place has one prototype.
+    /// Assigns each life to a slot that is free at its beginning, or to a new slot; each slot has one prototype.
     fn share_places(&mut self, record: &GrowthRecord, lives: Vec<LeafLife>, options: SlotOptions<'_>) -> Result<()> {
         let wood = record.wood_of_all();
         let last = record.ages()[1];
         let mut sorted: Vec<(LeafLife, PlacedLeaf)> =
             lives.into_iter().map(|life| (life, self.placed(record, &wood, &life, last).leaf)).collect();
-        // Greedy interval colouring: lives in the order of their start, each at the place that was free first. The number of
-        // places is then the largest number of leaves that are visible at once.
+        // Greedy interval colouring: lives in the order of their beginning, each in the slot that became free first. The number
+        // of slots is then the largest number of leaves that are visible at once.
         sorted.sort_by_key(|(life, _)| ticks(life.unfolds));
         let pause = FALLING + math::narrow(FRAMES_BETWEEN * options.clip.frame_years.abs());
 
-        // For each prototype, the places that are free again, by the time from which they are (a heap with the earliest on top).
+        // For each prototype, a heap of its slots by the time from which they are free, the earliest on top.
         let mut free: Vec<BinaryHeap<Reverse<(i64, u32)>>> = vec![BinaryHeap::new(); self.foliage.organ().meshes.len()];
         let mut places: Vec<u32> = Vec::with_capacity(sorted.len());
         self.scales.clear();
@@ -281,7 +282,7 @@ impl LeafSlots {
                 }
             };
             places.push(place);
-            // A leaf that stays keeps its place for good.
+            // A leaf that does not fall keeps its slot.
             if life.falls < STAYS {
                 pool.push(Reverse((ticks(life.falls + pause), place)));
             }
@@ -289,7 +290,7 @@ impl LeafSlots {
         let what = format!("leaves of plant \"{}\" that its clip shows at once", record.tree.name);
         options.limits.check("organs", self.scales.len() as u64, &what)?;
 
-        // A counting sort by place keeps the order of time.
+        // A counting sort by slot, which keeps the order of time.
         self.first_life = vec![0; self.scales.len() + 1];
         places.iter().for_each(|place| self.first_life[*place as usize + 1] += 1);
         for i in 1..self.first_life.len() {
@@ -305,7 +306,7 @@ impl LeafSlots {
         &self.lives[self.first_life[place] as usize..self.first_life[place + 1] as usize]
     }
 
-    /// The leaf to show at a place at an age: the present one, otherwise the next one, otherwise the last one.
+    /// The leaf that a slot shows at an age: the present one, otherwise the next one, otherwise the last one.
     fn life_at(&self, place: usize, age: f32) -> Option<&LeafLife> {
         let lives = self.lives_of(place);
         let begun = lives.partition_point(|life| life.unfolds <= age);
@@ -314,7 +315,7 @@ impl LeafSlots {
         if is_there { current } else { lives.get(begun).or(current) }
     }
 
-    /// All leaves at an age, by place.
+    /// All leaves at an age, by slot.
     pub fn leaves_at(&self, record: &GrowthRecord, wood: &Wood, age: f32) -> Vec<LeafNow> {
         let absent = LeafNow { position: Vec3::ZERO, orientation: Quat::IDENTITY, size: 0.0 };
         let now = |place: usize| {
@@ -322,7 +323,7 @@ impl LeafSlots {
             if let Some(waiting) = self.waiting.get(place).filter(|_| age < self.lives_of(place)[0].unfolds) {
                 return *waiting;
             }
-            // Both ramps are linear. The rotation follows the wood, so that only the size tells how far a leaf has unfolded.
+            // Both ramps are linear. The rotation follows the wood, so that only the size shows how far a leaf has unfolded.
             let unfolded = ((age - life.unfolds) / UNFOLDING).clamp(0.0, 1.0);
             let left = 1.0 - ((age - life.falls) / FALLING).clamp(0.0, 1.0);
             let site = self.placed(record, wood, life, age);
@@ -335,13 +336,13 @@ impl LeafSlots {
         (0..self.scales.len()).map(now).collect()
     }
 
-    /// The places as organs of a plant, at the sites of their last leaves. `at`: for each node of the tree, its axis
-    /// and arc length in the plant.
+    /// The slots as organs of a plant, at the sites of their last leaves. `at`: for each node of the tree, its axis and arc
+    /// length in the plant.
     pub fn organs(&self, plant: &Plant, record: &GrowthRecord, all: &Wood, at: &[NodeSite]) -> Vec<Organ> {
         let last = record.ages()[1];
         let mut organs = Vec::with_capacity(self.scales.len());
         for place in 0..self.scales.len() {
-            // Organs are parallel to places: each has a life, and a node that is shown lies on an axis.
+            // Each slot gives one organ, since it has a life, and each visible node lies on an axis.
             let Some(life) = self.life_at(place, last) else { continue };
             let site = self.placed(record, all, life, last);
             let Some(on) = at.get(site.node as usize).filter(|on| on.axis != NONE) else { continue };
@@ -412,22 +413,22 @@ impl LeafSlots {
     /// The node that is the tip of an axis at an age, and the frame of its leaves.
     fn tip_at(&self, axis: u32, wood: &Wood, age: f32) -> (u32, Quat) {
         let tips = self.tips_of(axis);
-        // The year that is in progress at this age; a tip that appeared in an earlier one has turned already.
+        // The current year at this age; a tip that appeared in an earlier year has already turned.
         let year = age.ceil().max(1.0);
         let reached = tips.partition_point(|tip| tip.year <= year).max(1) - 1;
         let Some(tip) = tips.get(reached) else { return (0, Quat::IDENTITY) };
         let q = wood.q[tip.node as usize];
         let before = reached.checked_sub(1).and_then(|k| tips.get(k)).filter(|_| tip.year >= year);
         let Some(before) = before else { return (tip.node, q) };
-        // In the year of its growth the rosette turns from the frame of the tip before to that of the new one.
+        // In the year of its growth the rosette turns from the frame of the previous tip to that of the new one.
         let turned = ((age - (year - 1.0)) / TURNING).clamp(0.0, 1.0);
         (tip.node, math::nlerp(wood.q[before.node as usize], q, turned))
     }
 }
 
-/// Node, frame and angles from which the pose of a leaf follows.
+/// Node, frame and angles that determine the pose of a leaf.
 struct LeafStand {
-    /// Node of the tree that bears it.
+    /// Node of the tree that bears the leaf.
     node: u32,
     /// Frame of the wood, relative to which the leaf is turned.
     q: Quat,
@@ -439,30 +440,30 @@ struct LeafStand {
 
 /// Place of a leaf on the wood at one moment of the clip.
 struct LeafOnWood {
-    /// Node of the tree that bears it.
+    /// Node of the tree that bears the leaf.
     node: u32,
     /// Point of the centreline at which it begins, from the tree's base, m.
     position: Vec3,
     leaf: PlacedLeaf,
 }
 
-/// A cut through an internode, with the data that its leaves need.
+/// A cut through an internode, as its leaves need it.
 struct CutOfLeaves {
     /// Age of the tree at the cut, years.
     time: f32,
-    /// Length of the internode that it leaves, m.
+    /// Length of the internode after the cut, m.
     left: f32,
 }
 
 /// Cuts through the internode of a node, in the order of years.
 fn cuts_of_leaves(tree: &Tree, i: usize) -> Vec<CutOfLeaves> {
-    // Each later cut started from the length that the cut before it had left.
+    // Each later cut started from the length after the cut before it.
     let left = tree.cuts_through(i).skip(1).map(|next| next.length).chain([tree.nodes.length[i]]);
     tree.cuts_through(i).zip(left).map(|(cut, left)| CutOfLeaves { time: cut.time(), left }).collect()
 }
 
-/// Age at which a leaf begins to fall if `last_year` is the last year at whose end it is there: in the spring after that year, with its
-/// branch if that falls.
+/// Age at which a leaf begins to fall, if `last_year` is the last year at whose end it exists: in the spring after that year, or
+/// with its branch if that falls.
 fn end_of_life(record: &GrowthRecord, last_year: f32) -> f32 {
     if last_year >= record.tree.year as f32 { STAYS } else { last_year + FALL_DELAY }
 }

@@ -1,4 +1,4 @@
-//! Clips of growth against trees that were grown to the same ages, and what must not jump.
+//! Compares clips of growth with trees grown to the same ages, and tests that nothing jumps.
 
 use glam::Vec3;
 
@@ -28,7 +28,7 @@ fn whole(age: f64) -> ClipSpan {
     ClipSpan { from: 0.0, to: age }
 }
 
-/// How far each leaf of a grown tree is from the nearest leaf of a clip, m, in rising order.
+/// Distance of each leaf of a grown tree from the nearest leaf of a clip, m, in ascending order.
 fn leaf_distances(clip: &GrowthClip, spec: &TreeSpec) -> Vec<f32> {
     let grown = grow(std::slice::from_ref(spec), &Site::default(), &Limits::default()).expect("grows").pop();
     let needles = spec.habit.leaf_area_shoot > 0.0;
@@ -52,7 +52,7 @@ fn a_clip_shows_the_leaves_of_the_tree_of_each_age() {
         let off = off[off.len() - 1];
         assert!(off < 0.02, "{off} at {age}");
     }
-    // Leaves that live longer than a year are there in winter; their years are rounded up.
+    // Leaves that live longer than a year remain in winter; their years are rounded up.
     for years in [3.0, 1.2] {
         let mut needles = grown.clone();
         for (key, value) in [("leaf_area_tip", 0.0), ("leaf_area_shoot", 0.05), ("leaf_years", years)] {
@@ -69,7 +69,7 @@ fn a_clip_shows_the_leaves_of_the_tree_of_each_age() {
 
 #[test]
 fn years_between_the_stored_ones_are_near_those_that_were_grown() {
-    // Of 50 years every second is stored; year 21 lies between two of them.
+    // Every second of 50 years is stored; year 21 lies between two stored years.
     let grown = spec(50.0);
     let clip = clip_of(&grown, whole(50.0), ClipLeaves::Summer);
     let off = leaf_distances(&clip, &TreeSpec { age: 21.0, ..grown });
@@ -99,7 +99,7 @@ fn nothing_jumps_at_a_year_a_second() {
                 assert!(moved < 0.1 + 0.9 / 24.0, "node {i} moved {moved} in frame {frame}");
             }
             for (i, (a, b)) in before.leaves.iter().zip(&now.leaves).enumerate() {
-                // Leaves of a place differ in size by up to 1.24 / 0.76.
+                // Leaves of a slot differ in size by up to 1.24 / 0.76.
                 assert!((a.size - b.size).abs() < 0.3 * 1.63, "leaf {i}: {} to {} in frame {frame}", a.size, b.size);
                 if a.size > 0.0 && b.size > 0.0 {
                     let moved = a.position.distance(b.position);
@@ -111,7 +111,7 @@ fn nothing_jumps_at_a_year_a_second() {
     }
 }
 
-/// A hedge has thousands of cuts, of which each frame looks up those of every node. The second box is smaller, so that its cuts go
+/// A hedge has thousands of cuts, and each frame looks up those of every node. The second box is smaller, so that its cuts go
 /// through older wood than those of the first.
 #[test]
 fn cuts_of_a_recorded_tree_are_sorted_by_node_and_year() {
@@ -145,7 +145,8 @@ fn crowns_are_bare_in_winter_and_full_in_summer() {
     assert!(shown(8.5) > 0 && shown(8.5) < all);
 }
 
-/// Leaves of tips that died fell before those of the new ones had unfolded: crowns thinned out for a frame or two of each year.
+/// Leaves of dead tips must not fall before the leaves of new tips have unfolded: crowns would thin out for a frame or two of
+/// each year.
 #[test]
 fn crowns_without_seasons_do_not_thin_out_within_a_year() {
     let clip = clip_of(&spec(14.0), whole(14.0), ClipLeaves::Summer);
@@ -182,7 +183,7 @@ fn a_stem_that_sprouts_late_bears_no_leaves_before() {
     for (key, value) in [("stems", 3.0), ("stem_spread", 5.0), ("stem_years", 10.0)] {
         bush.habit.set(key, &[value]).expect("a key");
     }
-    // The second of three stems sprouts at the end of year 4: ceil(10 (0.618 - 0.4) / 0.6). It stands 5 sqrt(1.5 / 3) m from the
+    // The second of three stems sprouts at the end of year 4: ceil(10 (0.618 - 0.4) / 0.6). It is 5 sqrt(1.5 / 3) m from the
     // middle and more than 4 m from both others.
     let azimuth = math::GOLDEN_ANGLE_F32;
     let foot = Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth)) * (5.0 * 0.5_f32.sqrt());
@@ -195,7 +196,7 @@ fn a_stem_that_sprouts_late_bears_no_leaves_before() {
         assert_eq!((near(3.3), near(3.7)), (0, 0), "{leaves:?}");
         assert!(near(4.6) > 0, "{leaves:?}");
     }
-    // A clip may end while a stem comes out of the ground.
+    // A clip may end while a stem emerges from the ground.
     let clip = clip_of(&TreeSpec { age: 4.0, ..bush }, whole(3.95), ClipLeaves::Summer);
     assert_eq!(clip.plant.organs.len(), clip.pose(3.95).leaves.len());
 }
@@ -221,12 +222,12 @@ fn a_clip_may_begin_late_end_early_and_run_backwards() {
     let tree = spec(16.5);
     let late = clip_of(&tree, ClipSpan { from: 12.0, to: 16.0 }, ClipLeaves::Summer);
     let whole = clip_of(&tree, whole(16.0), ClipLeaves::Summer);
-    // Axes that fell before it begins are not in it.
+    // The clip contains no axes that fell before it begins.
     assert!(late.plant.axes.len() < whole.plant.axes.len());
     assert_eq!(late.span().to.to_bits(), 16.0_f64.to_bits());
     let backwards = clip_of(&tree, ClipSpan { from: 16.0, to: 12.0 }, ClipLeaves::Summer);
     assert_eq!(backwards.plant.axes.len(), late.plant.axes.len());
-    // Before the seed there is nothing.
+    // Before the seed no wood exists.
     let pose = whole.pose(-1.0);
     assert!(pose.r.iter().all(|r| *r <= 0.0) && pose.leaves.iter().all(|l| l.size <= 0.0));
 }
@@ -240,7 +241,7 @@ fn a_clip_is_the_same_on_any_number_of_threads_and_beside_unrecorded_trees() {
     let on =
         |threads: usize| on_threads(threads, || bits(&clip_of(&spec(12.0), whole(12.0), ClipLeaves::Summer).pose(7.3)));
     assert_eq!(on(1), on(5));
-    // Two trees in one field: recording one changes none of them.
+    // Two trees in one field: recording one of them changes neither.
     let pair = [spec(12.0), TreeSpec { base: Vec3::X * 3.0, id: 9, habit: habit(), ..spec(8.0) }];
     let grown = |spans: &[Option<ClipSpan>]| {
         let trees = grow_recorded(&pair, spans, &Site::default(), &Limits::default()).expect("grows");

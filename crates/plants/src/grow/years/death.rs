@@ -1,4 +1,4 @@
-//! Death and replacement: cuts, crown lifting, falling wood, new leaders, dormant buds that wake.
+//! Death and replacement: cuts, crown lifting, falling wood, new leaders, and dormant buds that break.
 
 use glam::Vec3;
 
@@ -10,16 +10,16 @@ use super::tree::{Bud, CutThrough, Loss, NONE, Purpose, Tree, flag, index_of};
 use osier_base::math::GOLDEN_ANGLE_F32;
 use osier_base::noise;
 
-/// Radius of dead wood that stands for `linger` years, m.
+/// Radius of dead wood that stands for `linger` years before it falls, m.
 const LINGER_RADIUS: f32 = 0.02;
 /// Longest time that dead wood stands, as a multiple of `linger`.
 const LINGER_MAX: f32 = 1.5;
 /// Year of the tree's life after which low branches of all axes are removed, not only those of the stem.
 const LIFT_ALL_YEAR: u32 = 8;
-/// Least and greatest height below which branches of an axis are removed, as a share of the clear stem, so that no crown ends level.
+/// Least and greatest height below which branches of an axis are removed, as a share of the clear stem; they differ, so that no
+/// crown ends at one level.
 const LIFT_ALL_SHARE: [f32; 2] = [0.35, 2.2];
-/// Distance over which the height of removal varies from place to place, m: the foliage below a limb ends higher or
-/// lower as a whole.
+/// Distance over which the height of removal varies horizontally, m: the whole foliage below a limb ends higher or lower.
 const HEM_LENGTH: f32 = 2.2;
 /// Period of the noise that varies this height, in units of [`HEM_LENGTH`]: longer than any crown.
 const HEM_PERIOD: [i32; 2] = [256, 256];
@@ -29,11 +29,11 @@ const HEM_CONTRAST: f32 = 2.4;
 const HEM_WEIGHT: f32 = 0.7;
 /// Number of limbs above a low limb with which it is compared.
 const LIMBS_ABOVE: usize = 4;
-/// The number of tips below which a limb stands alone, as a share of the mean of the limbs above it.
+/// A limb stands alone if it bears fewer tips than this share of the mean of the limbs above it.
 struct LoneShare {
-    /// Share if the tips of the next limb are as high as those of the limb itself.
+    /// Share if the tips of the next limb are as high as those of the limb.
     level: f32,
-    /// Increase of the share for a gap below the next limb that is as high as the tree.
+    /// Increase of the share if the gap below the next limb is as high as the tree; in proportion for smaller gaps.
     per_gap: f32,
 }
 
@@ -50,7 +50,7 @@ const WAKE_AT_CUT: u8 = 6;
 const WAKE_LOSS: f32 = 0.5;
 /// Gain of light at which dormant buds wake.
 const WAKE_LIGHT: f32 = 0.3;
-/// Years between two examinations of the light of dormant buds: crowns open slowly, and most of the wood has such buds.
+/// Years between two examinations of the light of dormant buds: crowns open slowly, and most wood has such buds.
 const LOOK_YEARS: u32 = 3;
 /// Number of the first woken bud at its node; smaller numbers belong to the buds that grew with the shoot.
 const FIRST_WOKEN: u8 = 16;
@@ -66,10 +66,10 @@ const SHORTEST_STUB: f32 = 0.02;
 /// A branch of the stem.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limb {
-    /// Its first node.
+    /// Its first internode.
     pub first: u32,
-    /// Number of its open tips.
-    pub tips: u32,
+    /// Number of open tips that it bears.
+    pub open_tips: u32,
     /// Mean height of its tips above the tree's base, m.
     pub height: f32,
 }
@@ -82,7 +82,7 @@ impl Tree {
             self.prune(prune);
         }
         let bears = !self.buds.is_empty() || (0..self.nodes.len()).any(|i| self.nodes.grows(i));
-        // Of several years of cuts in the dark the first one counts.
+        // Keep the year of the cut that took the last tips and buds: later cuts find the tree without light (`dark` > 0).
         if bears {
             self.bared = None;
         } else if !prunes.is_empty() && self.dark == 0 {
@@ -100,7 +100,7 @@ impl Tree {
         }
     }
 
-    /// Cuts through every internode that leaves the kept region, and removes all that it bears.
+    /// Cuts through every internode that leaves the kept region, and removes all wood that the internode bears.
     fn prune(&mut self, prune: &Prune) {
         let mut severed = vec![false; self.nodes.len()];
         for i in 0..self.nodes.len() {
@@ -124,7 +124,7 @@ impl Tree {
         }
     }
 
-    /// Shortens an internode to the point at which it leaves the kept region, or removes it if nearly nothing of it is inside.
+    /// Shortens an internode to the point at which it leaves the kept region, or removes it if almost all of it is outside.
     fn cut_through(&mut self, i: usize, holds: impl Fn(Vec3) -> bool) {
         let (base, d, length) = (self.nodes.base(i), self.nodes.direction(i), self.nodes.length[i]);
         // Bisection for the last point inside the region.
@@ -135,10 +135,10 @@ impl Tree {
         }
         let is_root = self.nodes.parent[i] == NONE;
         if low < SHORTEST_STUB && !is_root {
-            self.remove(i);
+            self.remove_subtree(i);
             return;
         }
-        // The root stays as a stump in any case.
+        // The root always stays as a stump.
         let part = low.max(SHORTEST_STUB);
         if self.recorded {
             self.cuts.push(CutThrough { node: index_of(i), year: self.stored_year(), length });
@@ -153,8 +153,8 @@ impl Tree {
         self.losses.push(Loss { at: index_of(i), light: nodes.gathered[i] });
     }
 
-    /// Removes an internode that has a parent; its subtree falls with it.
-    fn remove(&mut self, i: usize) {
+    /// Removes an internode that has a parent, and its subtree with it.
+    fn remove_subtree(&mut self, i: usize) {
         let nodes = &mut self.nodes;
         if nodes.lives(i) {
             nodes.lost[nodes.parent[i] as usize] += self.habit.pipe_memory * nodes.area[i];
@@ -173,7 +173,7 @@ impl Tree {
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
         let highest = if season.year > LIFT_ALL_YEAR { LIFT_ALL_SHARE[1] * lift } else { f32::NEG_INFINITY };
-        // Higher nodes are neither the first internode of a low branch nor hang low enough.
+        // Skip higher nodes: they are neither the first internode of a low branch, nor do they hang low enough.
         let reach = lift.max(highest) + self.habit.internode.iter().copied().fold(0.0, f32::max);
         let mut any = false;
         for i in 0..self.nodes.len() {
@@ -188,7 +188,7 @@ impl Tree {
             let low = sinks && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
             let hangs = low && nodes.p[i].y < lift * self.lift_share(i);
             if on_stem || hangs {
-                self.remove(i);
+                self.remove_subtree(i);
                 any = true;
             }
         }
@@ -197,7 +197,7 @@ impl Tree {
         }
     }
 
-    /// Lets all wood on a removed branch fall with it.
+    /// Marks all wood on a removed branch as fallen.
     fn fall_with_carriers(&mut self) {
         for i in 0..self.nodes.len() {
             let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
@@ -207,9 +207,9 @@ impl Tree {
         }
     }
 
-    /// Removes limbs that stand alone below the crown: from the lowest on, those that bear few tips compared with the
-    /// [`LIMBS_ABOVE`] limbs above them. The farther a limb is below the next one, the more tips it must bear. Own: the
-    /// crown shades what lives on below it.
+    /// Removes limbs that stand alone below the crown: beginning with the lowest, those that bear few tips compared with the
+    /// [`LIMBS_ABOVE`] limbs above them. The farther a limb is below the next one, the more tips it must bear. Own: the crown
+    /// shades limbs that live below it.
     fn shed_lone_limbs(&mut self) {
         let limbs = self.limbs();
         let top = limbs.iter().fold(0.0_f32, |top, limb| top.max(limb.height));
@@ -221,12 +221,12 @@ impl Tree {
             if this_year - self.nodes.birth[first] < self.habit.shed_age {
                 continue;
             }
-            let mean = above.iter().map(|limb| limb.tips as f32).sum::<f32>() / LIMBS_ABOVE as f32;
+            let mean = above.iter().map(|limb| limb.open_tips as f32).sum::<f32>() / LIMBS_ABOVE as f32;
             let gap = above.first().map_or(0.0, |next| next.height - limb.height) / top.max(1e-6);
-            if limb.tips as f32 >= mean * (LONE_SHARE.level + LONE_SHARE.per_gap * gap) {
+            if limb.open_tips as f32 >= mean * (LONE_SHARE.level + LONE_SHARE.per_gap * gap) {
                 break;
             }
-            self.remove(first);
+            self.remove_subtree(first);
             any = true;
         }
         if any {
@@ -238,12 +238,12 @@ impl Tree {
     pub fn limbs(&self) -> Vec<Limb> {
         let nodes = &self.nodes;
         let mut limbs: Vec<Limb> = Vec::new();
-        // Number of the limb that each node belongs to.
+        // Index of the limb to which each node belongs.
         let mut of_node = vec![NONE; nodes.len()];
         for i in (0..nodes.len()).filter(|i| nodes.lives(*i)) {
             let Some(&order) = nodes.order.get(nodes.parent[i] as usize) else { continue };
             of_node[i] = if order == 0 && nodes.order[i] > 0 {
-                limbs.push(Limb { first: index_of(i), tips: 0, height: 0.0 });
+                limbs.push(Limb { first: index_of(i), open_tips: 0, height: 0.0 });
                 index_of(limbs.len() - 1)
             } else {
                 of_node[nodes.parent[i] as usize]
@@ -251,13 +251,13 @@ impl Tree {
             if nodes.grows(i)
                 && let Some(limb) = limbs.get_mut(of_node[i] as usize)
             {
-                limb.tips += 1;
+                limb.open_tips += 1;
                 limb.height += nodes.p[i].y;
             }
         }
-        limbs.retain(|limb| limb.tips > 0);
+        limbs.retain(|limb| limb.open_tips > 0);
         for limb in &mut limbs {
-            limb.height /= limb.tips as f32;
+            limb.height /= limb.open_tips as f32;
         }
         limbs.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.first.cmp(&b.first)));
         limbs
@@ -273,7 +273,7 @@ impl Tree {
         LIFT_ALL_SHARE[0] + (LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * part
     }
 
-    /// Passes death on to the wood that dead wood bears, and lets dead wood fall once it has stood long enough.
+    /// Marks the wood that dead wood bears as dead, and lets dead wood fall after it has stood for its time.
     pub fn shed_dead_wood(&mut self) {
         let linger = self.habit.linger;
         let year = self.year as f32;
@@ -291,7 +291,8 @@ impl Tree {
                 nodes.death[i] = nodes.death[parent];
             }
             let dead = nodes.flags[i] & flag::DEAD != 0;
-            // Wood that would stand for less than a year falls in the year of its death: bare twigs do not hang in summer crowns.
+            // Wood that would stand for less than a year falls in the year of its death, so that bare twigs do not hang in summer
+            // crowns.
             let stands = linger * (nodes.r[i] / LINGER_RADIUS).min(LINGER_MAX);
             if carrier & flag::FALLEN != 0 || dead && year - f32::from(nodes.death[i]) + 1.0 > stands {
                 self.mark_fallen(i);
@@ -300,9 +301,10 @@ impl Tree {
     }
 
     /// Gives a new leader to each axis whose tip died: the living side axis with the largest vigour within [`SUCCESSION_REACH`]
-    /// below becomes its continuation, and the order of its whole subtree falls by one. Returns whether any axis got one.
+    /// below the tip becomes its continuation, and the orders of its whole subtree decrease by one. Returns whether any axis got
+    /// a leader.
     pub fn replace_leaders(&mut self, season: &Season) -> bool {
-        // Mark the nodes below each dead tip with the number of its event.
+        // Mark the nodes below each dead tip with the index of that tip.
         let nodes = &self.nodes;
         let mut below = vec![NONE; nodes.len()];
         let mut best: Vec<u32> = Vec::new();
@@ -326,7 +328,7 @@ impl Tree {
         if best.is_empty() {
             return false;
         }
-        // The side axis with the largest vigour of last year; the first of equals.
+        // Find the side axis with the largest vigour of last year; of equal ones the first.
         for i in 0..nodes.len() {
             let is_side = nodes.lives(i) && nodes.flags[i] & flag::MAIN == 0;
             let Some(&event) = below.get(nodes.parent[i] as usize) else { continue };
@@ -349,7 +351,8 @@ impl Tree {
 
     /// Makes side axes the continuations of their parents. `leader_at`: the new continuation of each node.
     fn promote(&mut self, leader_at: &[u32], season: &Season) {
-        // Orders by which to lower a node and arc length to add to it, passed on from parents to children.
+        // For each node, the number by which to lower its order and the arc length to add to it; parents pass both to their
+        // children.
         let mut down = vec![0_u8; self.nodes.len()];
         let mut ahead = vec![0.0_f32; self.nodes.len()];
         for i in 0..self.nodes.len() {
@@ -363,7 +366,7 @@ impl Tree {
             }
             if leader == index_of(i) {
                 nodes.flags[i] |= flag::MAIN;
-                // It takes the order of its parent, which has been lowered already.
+                // The side axis takes the order of its parent, which has already been lowered.
                 down[i] = nodes.order[i].saturating_sub(nodes.order[parent]);
                 ahead[i] = nodes.s[parent];
             } else if leader != NONE && was_main {
@@ -371,7 +374,7 @@ impl Tree {
             }
             nodes.order[i] = nodes.order[i].saturating_sub(down[i]);
             nodes.s[i] += ahead[i];
-            // An axis whose order falls turns to the elevation of its new order; all its internodes have one order.
+            // An axis of lower order turns to the elevation of its new order; all its internodes have one order.
             if down[i] > 0 && nodes.axis[i] != nodes.axis[parent] {
                 let (axis, order) = (nodes.axis[i] as usize, usize::from(nodes.order[i]));
                 let deviation = self.leaving_deviation(self.axis_ids[axis]);
@@ -385,8 +388,8 @@ impl Tree {
         self.habit.epicormic > 0.0 && year.is_multiple_of(LOOK_YEARS)
     }
 
-    /// Wakes dormant buds where a subtree has lost more than half of its light, and, in every third year, where the light at a node
-    /// has risen by more than a threshold. Species without epicormic buds have none to wake.
+    /// Breaks dormant buds where a subtree has lost more than half of its light, and, in every third year, where the light at a
+    /// node has risen by more than a threshold. Species without epicormic buds have none.
     pub fn wake_buds(&mut self, field: &LightField, season: &Season) {
         if self.habit.epicormic <= 0.0 {
             return;
@@ -417,7 +420,7 @@ impl Tree {
         for loss in losses.iter().filter(large) {
             let (mut i, mut count) = (loss.at as usize, 0);
             while i < self.nodes.len() && count < WAKE_AT_CUT {
-                // The light of last year is the sum of the remaining and the lost light.
+                // The light of last year is the sum of the remaining and the lost light; wood that died has none left.
                 let left = if self.nodes.lives(i) { self.nodes.gathered[i] } else { 0.0 };
                 let lost = self.scratch.lost_light[i];
                 if lost <= WAKE_LOSS * (left + lost) {
@@ -442,7 +445,7 @@ impl Tree {
             }
             self.nodes.light[i] = q;
         }
-        // Sort by axis, each from its tip down.
+        // Sort by axis, and on each axis from its tip towards its base.
         lighter.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.cmp(&a.1)));
         for axis in lighter.chunk_by(|a, b| a.0 == b.0) {
             let mut count = 0;
@@ -452,7 +455,8 @@ impl Tree {
         }
     }
 
-    /// Wakes up to `most` dormant buds of a node and returns their number. `woken`: buds that woke this year, by node.
+    /// Breaks up to `most` dormant buds of a node and returns their number. `woken`: number of buds that broke this year, by
+    /// node.
     fn wake_at(&mut self, i: usize, most: u8, season: &Season, woken: &mut [u8]) -> u8 {
         let nodes = &mut self.nodes;
         let too_thick = nodes.r[i] >= self.habit.epicormic_radius;

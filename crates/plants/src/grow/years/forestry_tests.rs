@@ -1,5 +1,5 @@
-//! Trees that grow year by year against what foresters measure. Many of these trees are large: without optimisation they would
-//! take minutes, so that they run in release builds alone.
+//! Compares trees that grow year by year with measures of foresters. Many of these trees are large: without optimisation they
+//! would take minutes, so that these tests run in release builds only.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -27,11 +27,11 @@ fn grow_all(specs: &[TreeSpec], site: &Site) -> Vec<GrownTree> {
     grown.into_iter().flatten().collect()
 }
 
-/// What the tests measure on a tree of a table at the table's age.
+/// Measures of a tree of a table at the table's age.
 struct MatureTree {
     measures: Measures,
     bare_wood: BareWood,
-    /// Numbers of axes of each order after Strahler, from the twigs on.
+    /// Number of axes of each Strahler order, beginning with the twigs.
     strahler_counts: Vec<usize>,
     shell_share: f32,
 }
@@ -81,10 +81,10 @@ fn shell_share(tree: &GrownTree) -> f32 {
     outside as f32 / m.tips as f32
 }
 
-/// How much of the wood of a tree in leaf shows no leaves.
+/// Amounts of wood without leaves on a tree in leaf.
 #[derive(Debug, Clone, Copy)]
 struct BareWood {
-    /// Share of the ends of axes of more than 0.3 m behind which neither a leaf nor a fork stands in the last third of the axis.
+    /// Share of the ends of axes longer than 0.3 m without a leaf or a fork in the last third of the axis.
     ends: f32,
     /// Stretches of living wood thinner than 5 mm without leaves and forks that are longer than 0.6 m, per open tip.
     whips: f32,
@@ -125,7 +125,7 @@ fn bare_wood(tree: &GrownTree) -> BareWood {
     BareWood { ends: bare_ends as f32 / ends.max(1) as f32, whips: whips as f32 / tips.max(1) as f32 }
 }
 
-/// Height below which a share of the leaves stands, m.
+/// Height below which the given share of the leaves lies, m.
 fn height_below(tree: &GrownTree, share: f32) -> f32 {
     let (grown, nodes) = (&tree.tree, &tree.tree.nodes);
     let living = (0..nodes.len()).filter(|i| nodes.lives(*i));
@@ -192,7 +192,7 @@ fn the_species_have_their_marks() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// After the cuts of a year no weak limb stands alone under a crown: the lowest one bears its part of the tips.
+/// After the cuts of a year no weak limb stands alone under a crown: the lowest limb bears a sufficient share of the tips.
 #[test]
 fn no_weak_limb_stands_alone_below_the_crown() {
     only_in_release!();
@@ -202,11 +202,11 @@ fn no_weak_limb_stands_alone_below_the_crown() {
             let tree = &mut grown.tree;
             tree.cut(&Season::new(&tree.habit, tree.year + 1));
             let limbs = tree.limbs();
-            // Limbs of the last few years have not shown yet what they will bear.
+            // Limbs of the last few years do not bear all of their tips yet.
             let old = |first: u32| tree.year as f32 - tree.nodes.birth[first as usize] >= tree.habit.shed_age;
             let lowest = limbs.iter().position(|limb| old(limb.first)).expect("an old limb");
-            let above = mean(limbs[lowest + 1..lowest + 5].iter().map(|limb| limb.tips as f32));
-            let share = limbs[lowest].tips as f32 / above;
+            let above = mean(limbs[lowest + 1..lowest + 5].iter().map(|limb| limb.open_tips as f32));
+            let share = limbs[lowest].open_tips as f32 / above;
             if share < 0.29 {
                 faults.push(format!("{name}: {share}"));
             }
@@ -236,7 +236,7 @@ fn twigs_in_leaf_are_not_bare() {
     assert!(found.whips > 0.06, "{found:?}");
 }
 
-/// Species whose crowns begin near the ground have them there in their youth too, and no bare pole under them.
+/// Crowns that begin near the ground do so in young trees too, without a bare stem below them.
 #[test]
 fn young_crowns_begin_near_the_ground() {
     only_in_release!();
@@ -248,14 +248,14 @@ fn young_crowns_begin_near_the_ground() {
     }
 }
 
-/// The twigs of a weeping willow end at different heights: were all cut at one, leaves would begin there at once.
+/// The twigs of a weeping willow end at different heights: if all were cut at one height, leaves would begin there abruptly.
 #[test]
 fn curtains_of_willows_have_no_level_hem() {
     only_in_release!();
     let trees = grow_all(&seeds("willow", 25.0, 1..=3), &Site::default());
     let rise = mean(trees.iter().map(|tree| height_below(tree, 0.1) / height_below(tree, 0.02)));
     assert!(rise > 1.45, "{rise}");
-    // Around the tree too: the curtains of some limbs end higher than those of others.
+    // The heights also differ around the tree: the twigs of some limbs end higher than those of others.
     let range = mean(trees.iter().map(|tree| {
         let hems = hems_around(tree);
         hems.iter().copied().fold(f32::MIN, f32::max) - hems.iter().copied().fold(f32::MAX, f32::min)
@@ -263,7 +263,8 @@ fn curtains_of_willows_have_no_level_hem() {
     assert!(range > 0.5, "{range}");
 }
 
-/// Height below which one in fifty of the living nodes ends, m, in sixteen directions around a tree; near the stem none counts.
+/// Height below which one in fifty of the living nodes ends, m, in sixteen directions around a tree; nodes near the stem are
+/// excluded.
 fn hems_around(grown: &GrownTree) -> Vec<f32> {
     const DIRECTIONS: usize = 16;
     // Distance from the stem up to which no node counts, m.
@@ -282,7 +283,7 @@ fn hems_around(grown: &GrownTree) -> Vec<f32> {
     heights.iter().map(|h| h[h.len() / 50]).collect()
 }
 
-/// Young crowns are full: the area of their leaves over that of the ground below them, by species.
+/// Young crowns are dense: their leaf area divided by the area of the ground below them, by species.
 #[test]
 fn young_crowns_are_dense() {
     only_in_release!();
@@ -460,7 +461,7 @@ fn a_hedge_lives_under_its_cuts() {
     }
 }
 
-/// An oak without one of the rules grows worse in the way that the rule prevents.
+/// Without one of the rules an oak grows with the fault that the rule prevents.
 #[test]
 fn each_rule_does_what_it_is_for() {
     only_in_release!();
@@ -535,10 +536,10 @@ fn branches_begin_inside_of_bent_limbs() {
         for tube in &skin.tubes {
             let axis = &plant.axes[tube.axis as usize];
             let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
-            // A tube begins with a ring and the middle of the disc that closes it, which the first triangle names.
+            // A tube begins with a ring and the middle of the disc that closes it, which is a corner of the first triangle.
             let first = skin.mesh.triangles[tube.triangles.0 as usize];
             let middle = first.into_iter().max().expect("three corners");
-            // Near the foot of its parent a branch may begin inside of what bears the parent.
+            // Near the foot of its parent a branch may begin inside of the axis that bears the parent.
             let bearer = plant.axes.get(parent.parent as usize);
             let least = |p: u32| {
                 let p = skin.mesh.points[p as usize];

@@ -15,7 +15,7 @@ const YOUNG_SHARE: f32 = 0.5;
 /// A value for each order of axes, from 0, the trunk, to 5.
 pub type PerOrder = [f32; ORDERS];
 
-/// How many numbers a key takes.
+/// Number of values that a key takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arity {
     /// One number for the whole tree.
@@ -39,7 +39,7 @@ pub struct HabitKey {
     pub min: f64,
     /// Largest value allowed, in `unit`.
     pub max: f64,
-    /// Whether it takes one number, two numbers, or a list by order of axes.
+    /// Whether the key takes one number, two numbers, or a list by order of axes.
     pub arity: Arity,
     values: fn(&Habit) -> &[f32],
     values_mut: fn(&mut Habit) -> &mut [f32],
@@ -51,7 +51,7 @@ impl HabitKey {
         (self.values)(habit)
     }
 
-    /// Whether it is a count, which has no fraction.
+    /// Whether the value is a count, which has no fraction.
     pub fn is_count(&self) -> bool {
         COUNTS.contains(&self.name)
     }
@@ -254,7 +254,7 @@ impl Habit {
         Ok(())
     }
 
-    /// A contradiction between keys whose values are each in range: `maturity` that does not increase, or whorls together with
+    /// A contradiction between keys whose values are each in range: `maturity` does not increase, or whorls are combined with
     /// opposite buds.
     pub fn contradiction(&self) -> Option<&'static str> {
         if self.maturity[0] >= self.maturity[1] {
@@ -309,7 +309,7 @@ mod tests {
         for (i, key) in HABIT_KEYS.iter().enumerate() {
             assert!(
                 key.values(&habit).iter().all(|v| (key.min..=key.max).contains(&f64::from(*v)) || {
-                    // 0.0003 and the like round to single precision.
+                    // Values such as 0.0003 are rounded to single precision.
                     (f64::from(*v) - key.min).abs() < 1e-9
                 }),
                 "{}",

@@ -1,5 +1,5 @@
-//! The light field: optical depth of leaves and solids towards directions of the sky, by one sweep over layers of cells for
-//! each direction.
+//! The light field: optical depth of leaves and solids along directions of the sky, computed by one sweep over layers of cells
+//! for each direction.
 
 use glam::{DVec3, Vec3};
 use pulp::{Arch, Simd, WithSimd};
@@ -10,30 +10,30 @@ use osier_base::math::{self, GOLDEN_ANGLE, narrow};
 use osier_base::par::par_map;
 use osier_base::simd::F32Lanes;
 
-/// Side of a cell, m; larger if more than [`MAX_CELLS`] of them would cover the plants. Crowns have the same size with cells down to a
-/// third of this.
+/// Side of a cell, m; larger if more than [`MAX_CELLS`] cells would cover the plants. Crowns have the same size with cells as
+/// small as a third of this.
 const CELL: f32 = 0.3;
-/// Most cells of a field: as many as a cube of 128 along each side has. A long row of trees has them along the row.
+/// Largest number of cells of a field: 128 along each side of a cube. A long row of trees has more of them along the row.
 const MAX_CELLS: f32 = 2_097_152.0;
 /// Steps of the bisection for the side of a cell where [`MAX_CELLS`] limits it.
 const CELL_BISECTIONS: usize = 24;
 /// Margin of the grid around living wood, neighbours and solids, m.
 const MARGIN: f32 = 0.4;
-/// Number of directions that sample the diffuse sky.
+/// Number of directions with which the diffuse sky is sampled.
 const SKY_DIRECTIONS: u16 = 14;
-/// Sines of the elevations of the lowest and the highest direction. Light from below 25 degrees is ignored, because it would pass
-/// through neighbours.
+/// Sines of the elevations of the lowest and the highest direction. Light from below 25 degrees is ignored, because it would have
+/// to pass through neighbouring trees.
 const SKY_SINES: [f64; 2] = [0.42, 0.98];
-/// Lowest sun whose direct light counts, as the sine of its elevation.
+/// Sine of the elevation below which the sun gives no direct light.
 const LOWEST_SUN: f64 = 0.3;
 /// Declinations of the sun, degrees: equinox, a month later, solstice.
 const DECLINATIONS: [f64; 3] = [0.0, 15.0, 23.4];
-/// Hour angle of the sun in the morning and, negated, in the afternoon, degrees: two hours and a half from noon.
+/// Hour angle of the sun in the morning and, negated, in the afternoon, degrees: two and a half hours before and after noon.
 const HOUR_ANGLE: f64 = 37.5;
-/// Empty cells around a layer, so that sheared reads need no test: the cotangent of the lowest direction, 3.2 cells, and one
-/// cell of interpolation.
+/// Empty cells around a layer, so that sheared reads need no bounds test: the cotangent of the lowest direction, 3.2 cells, and
+/// one cell for interpolation.
 const PAD: usize = 5;
-/// Deposits are whole numbers of 2^-30 m2: sums do not depend on their order.
+/// Deposits are multiples of 2^-30 m2, so that sums do not depend on their order.
 const AREA_UNITS: f64 = 1_073_741_824.0;
 /// Optical depth of a cell inside a solid: no light passes.
 const OPAQUE: f32 = 30.0;
@@ -43,7 +43,7 @@ const NO_SAMPLE: u32 = u32::MAX;
 /// A direction from which light of the sky comes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SkyDirection {
-    /// Unit vector towards it.
+    /// Unit vector towards the origin of the light.
     pub d: Vec3,
     /// Its share of the light of the open sky.
     pub weight: f32,
@@ -51,8 +51,8 @@ pub(super) struct SkyDirection {
 
 /// The directions of a place's sky; their weights sum to 1.
 /// Source: weights (1 + 2 sin e) / 3, the overcast sky of the CIE.
-/// Own: without the cosine of a receiver, since a shoot takes light from all sides; brighter towards `side` by the factor max(1 +
-/// side . d, 0); the share `direct` comes from the sun at six hours of the growing season.
+/// Own: without the cosine of a receiver, since a shoot receives light from all sides; brighter towards `side` by the factor
+/// max(1 + side . d, 0); the share `direct` comes from the sun at six hours of the growing season.
 pub(super) fn sky(site: &Site) -> Vec<SkyDirection> {
     let mut directions = Vec::with_capacity(20);
     let mut diffuse = Vec::new();
@@ -86,12 +86,13 @@ fn sun_directions(latitude_deg: f64) -> Vec<DVec3> {
     let (sin_lat, cos_lat) = (math::sin(latitude), math::cos(latitude));
     let mut out = Vec::new();
     for declination in DECLINATIONS {
-        // The growing season of the south has the opposite declinations.
+        // In the southern hemisphere the growing season has the opposite declinations.
         let delta = declination.to_radians() * if latitude_deg < 0.0 { -1.0 } else { 1.0 };
         let (sin_dec, cos_dec) = (math::sin(delta), math::cos(delta));
         for hour in [-HOUR_ANGLE, HOUR_ANGLE] {
             let h = hour.to_radians();
-            // The sun in the horizontal system from declination, latitude and hour angle; `up` is the sine of its elevation.
+            // Convert declination, latitude and hour angle to the horizontal coordinates of the sun; `up` is the sine of its
+            // elevation.
             let up = sin_lat * sin_dec + cos_lat * cos_dec * math::cos(h);
             let east = -cos_dec * math::sin(h);
             let north = cos_lat * sin_dec - sin_lat * cos_dec * math::cos(h);
@@ -125,8 +126,8 @@ struct Corners {
 }
 
 impl Grid {
-    /// Cells over a box with a margin; their corners lie at multiples of their side from the origin, so that a growing tree sees
-    /// the same cells from year to year.
+    /// Cells over a box with a margin. Their corners are multiples of the cell side from the origin, so that the cells of a
+    /// growing tree stay the same from year to year.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_CELLS")]
     pub fn over(bounds: Bounds) -> Self {
         let cell = cell_side(bounds.size());
@@ -142,7 +143,7 @@ impl Grid {
         self.size.iter().product()
     }
 
-    /// Index of the cell that holds a point; points outside belong to the nearest cell.
+    /// Index of the cell that contains a point; points outside belong to the nearest cell.
     #[inline]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub fn cell_of(&self, p: Vec3) -> u32 {
@@ -176,7 +177,7 @@ impl Grid {
         let t = at - low;
         let pair = |v: f32, n: usize| {
             let low = v.max(0.0) as usize;
-            // Before the first center both indices are 0: a deposit at the edge goes wholly into the outermost cells.
+            // Before the first center both indices are 0: a deposit at the edge goes entirely into the outermost cells.
             [low.min(n - 1), (low + usize::from(v >= 0.0)).min(n - 1)]
         };
         let (xs, ys, zs) = (pair(low.x, nx), pair(low.y, ny), pair(low.z, nz));
@@ -191,7 +192,7 @@ impl Grid {
     }
 }
 
-/// Floor of a number, without a function call where it fits an integer; a zero may lose its sign.
+/// Floor of a number, without a function call if the number fits an integer; a zero may lose its sign.
 #[inline]
 #[allow(clippy::cast_possible_truncation, reason = "used within the range of integers")]
 fn floor(v: f32) -> f32 {
@@ -209,14 +210,14 @@ fn floor(v: f32) -> f32 {
 /// `size`: size of the box, m.
 fn cell_side(size: Vec3) -> f32 {
     let most = |cell: f32| {
-        // Rounding to the lattice of the anchor may add a cell at either end.
+        // Aligning the grid to multiples of the cell side may add a cell at either end.
         let n = (size + 2.0 * MARGIN.max(cell)) / cell + 2.0;
         n.x * n.y * n.z
     };
     if most(CELL) <= MAX_CELLS {
         return CELL;
     }
-    // If the side of a cell equals the longest side of the box, there are few enough cells.
+    // If the side of a cell equals the longest side of the box, the number of cells is below the limit.
     let (mut low, mut high) = (CELL, size.max_element());
     for _ in 0..CELL_BISECTIONS {
         let middle = 0.5 * (low + high);
@@ -243,7 +244,7 @@ impl LeafAreas {
     pub fn deposit(&mut self, p: Vec3, area: f32) {
         let corners = self.grid.corners(p);
         for (cell, weight) in corners.cells.into_iter().zip(corners.weights) {
-            // Integer sums are associative: trees deposit in any order with the same result.
+            // Integer sums are associative, so that trees may deposit in any order with the same result.
             self.areas[cell] += (f64::from(weight * area) * AREA_UNITS) as i64;
         }
     }
@@ -266,7 +267,7 @@ impl LeafAreas {
 pub(super) struct Light {
     /// Share of the light of the open sky.
     pub q: f32,
-    /// Unit vector to its mean direction of origin, which phototropism follows.
+    /// Unit vector towards the mean origin of the light, which phototropism follows.
     pub from: Vec3,
 }
 
@@ -284,8 +285,8 @@ impl LightField {
     /// Computes the light in the cells marked in `wanted`. `opaque`: cells inside solids.
     pub fn compute(areas: &LeafAreas, sky: &[SkyDirection], opaque: &[u32], wanted: &CellMarks) -> Self {
         let grid = areas.grid;
-        // Optical depth of a cell passed straight down = extinction x leaf area / ground area of the cell. The cells whose light
-        // is wanted are listed in the order of the sweep.
+        // Optical depth of a cell for vertical light = extinction x leaf area / ground area of the cell. List the marked cells in
+        // the order of the sweep.
         let to_depth = 1.0 / (AREA_UNITS * f64::from(grid.cell) * f64::from(grid.cell));
         let mut depth: Vec<f32> = areas.areas.iter().map(|a| narrow(*a as f64 * to_depth)).collect();
         for cell in opaque {
@@ -297,7 +298,7 @@ impl LightField {
             samples[cell] = to_u32(cells.len());
             cells.push(to_u32(cell));
         }
-        // One sweep for each direction, in parallel; their light is added in their order.
+        // Compute one sweep for each direction, in parallel; add their light in the order of directions.
         let passed = par_map(sky, |direction| transmittance(&grid, &depth, *direction, &cells));
         let mut light: Vec<Light> = vec![Light { q: 0.0, from: Vec3::ZERO }; cells.len()];
         for (direction, passed) in sky.iter().zip(&passed) {
@@ -314,7 +315,7 @@ impl LightField {
         Self { grid, samples, light }
     }
 
-    /// Light in a cell that was marked; in any other cell no light, with the direction up.
+    /// Light in a cell that was marked; in any other cell zero light, with the direction up.
     #[inline]
     pub fn in_cell(&self, cell: u32) -> Light {
         let sample = self.samples.get(cell as usize).copied().unwrap_or(NO_SAMPLE);
@@ -345,15 +346,15 @@ fn to_u32(i: usize) -> u32 {
     i as u32
 }
 
-/// The transmittance from a direction of the sky to the middle of each of `cells`, which are given in rising order.
-/// Source: tau(x) = bilinear read of the layer above at the sheared place + the cell's own depth over the sine of the elevation;
-/// exp(-(tau above + half of the own cell)), the law of Beer and Lambert.
+/// The transmittance from a direction of the sky to the middle of each of `cells`, which are in ascending order.
+/// Source: tau(x) = bilinear read of the layer above at the sheared position + the cell's own depth over the sine of the
+/// elevation; exp(-(tau above + half of the own depth)), the law of Beer and Lambert.
 fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u32]) -> Vec<f32> {
     let [nx, ny, nz] = grid.size;
     let per_sine = 1.0 / direction.d.y;
     let shear = Shear::new(direction);
     let width = nx + 2 * PAD;
-    // Depths of the layer above and of this one, each with empty cells around.
+    // Depths of the layer above and of this one, each padded with empty cells.
     let mut above = vec![0.0_f32; width * (nz + 2 * PAD)];
     let mut here = above.clone();
     let mut out = vec![0.0_f32; cells.len()];
@@ -363,7 +364,7 @@ fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u
     for y in (0..ny).rev() {
         let layer = &depth[y * nz * nx..(y + 1) * nz * nx];
         let first = cells[..end].partition_point(|c| (*c as usize) < y * nz * nx);
-        // Above the highest leaf all depths are 0, so that no layer is added.
+        // Above the highest leaf all depths are 0: skip these layers.
         clear = clear && layer.iter().all(|d| *d <= 0.0);
         if !clear {
             arch.dispatch(AddLayer { shear: &shear, above: &above, own: layer, row: nx, per_sine, to: &mut here });
@@ -380,7 +381,7 @@ fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u
     out
 }
 
-/// How the layer above is read for a direction: shift in whole cells, and weights of the four cells around the shifted place.
+/// How to read the layer above for a direction: shift in whole cells, and weights of the four cells around the shifted position.
 struct Shear {
     x: isize,
     z: isize,
@@ -404,7 +405,7 @@ struct AddLayer<'a> {
     shear: &'a Shear,
     /// The layer above, with [`PAD`] empty cells on every side.
     above: &'a [f32],
-    /// Depth of the layer's cells, passed straight down.
+    /// Depth of the layer's cells for vertical light.
     own: &'a [f32],
     /// Number of cells in a row along x.
     row: usize,
@@ -417,7 +418,7 @@ struct AddLayer<'a> {
 impl WithSimd for AddLayer<'_> {
     type Output = ();
 
-    /// Plain loops, which the compiler vectorizes for the instruction set of the dispatch.
+    /// Plain loops, which the compiler vectorizes for the dispatched instruction set.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let [a, b, c, d] = self.shear.weights;
@@ -474,7 +475,7 @@ mod tests {
     #[test]
     fn cells_are_as_small_as_their_number_allows() {
         let grid = |size: [f32; 3]| Grid::over(Bounds { min: Vec3::ZERO, max: Vec3::from_array(size) });
-        // A tree, and rows of trees of 100 m and 500 m: only what fills a large box has larger cells.
+        // A tree, and rows of trees of 100 m and 500 m: only boxes with too many cells get larger cells.
         for size in [[12.0, 15.0, 12.0], [100.0, 12.0, 12.0], [8.0, 9.0, 500.0]] {
             assert!((grid(size).cell - CELL).abs() < 1e-6, "{size:?}");
         }
@@ -492,7 +493,7 @@ mod tests {
         let sky = sky(&Site::default());
         assert!((sky.iter().map(|s| s.weight).sum::<f32>() - 1.0).abs() < 1e-6);
         let field = LightField::compute(&areas, &sky, &[], &all_cells(&grid));
-        // In the middle, far from the sides: depth of the layers above and of half the own one.
+        // In the middle, far from the sides: the depth is that of the layers above and half of the own layer.
         let [nx, ny, nz] = grid.size;
         for below in 0..3_u16 {
             let y = ny - 2 - usize::from(below);

@@ -7,14 +7,14 @@ use super::tree::{NONE, Tree, flag};
 /// Length along a stem at which its diameter is measured, m.
 const BREAST_HEIGHT: f32 = 1.3;
 
-/// Size, crown, stem and leaf area of a tree at one age. Without living tips height and crown are 0.
+/// Size, crown, stem and leaf area of a tree at one age. Height and crown are 0 without living tips.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measures {
     /// Height of its highest open living tip above its base, m.
     pub height: f32,
     /// Mean of the extents of its living tips along x and z, m.
     pub crown_width: f32,
-    /// Mean of its living tips, from its base, m.
+    /// Mean position of its living tips, relative to its base, m.
     pub crown_center: Vec3,
     /// Diameter of its thickest stem at 1.3 m of length, m; 0 for a smaller tree.
     pub dbh: f32,
@@ -71,7 +71,7 @@ impl Tree {
         let mut highest = vec![(0_u8, 0_u8); nodes.len()];
         let mut counts = vec![0_usize; 32];
         for i in (0..nodes.len()).rev().filter(|i| nodes.lives(*i)) {
-            // A node without living children is a tip; an order that two children share as their highest rises.
+            // A node without living children is a tip; if two children share the highest order, the order rises.
             let (top, times) = highest[i];
             let order = if top == 0 {
                 1

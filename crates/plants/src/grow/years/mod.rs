@@ -1,7 +1,7 @@
-//! Trees that grow year by year: light is computed, shared among buds and turned into shoots, wood and death.
+//! Trees that grow year by year: light is computed, distributed among buds and converted to shoots, wood and death.
 //!
-//! A year has the order of the passes in `stand.rs`: the light field from the leaves of last year, cuts, light of tips and buds,
-//! its sums towards the base, death, vigour towards the tips, shoots, radii, bending.
+//! A year consists of the passes in `stand.rs`, in this order: the light field from the leaves of last year, cuts, light of tips
+//! and buds, its sums towards the base, death, vigour towards the tips, shoots, radii, bending.
 //!
 //! Sources: \[palubicki\] W. Palubicki et al., "Self-organizing tree models for image synthesis", SIGGRAPH 2009; \[jirasek\]
 //! C. Jirasek, "A biomechanical model of branch shape in plants expressed using L-systems", 2000; \[shinozaki\] K. Shinozaki et
@@ -47,7 +47,8 @@ use osier_base::{Error, Result};
 use stand::Stand;
 use tree::Tree;
 
-/// Distance, in heights, from which trees do not shade each other: 1 / tan 25 degrees, the lowest light.
+/// Distance, as a multiple of the tree's height, beyond which trees do not shade each other: 1 / tan 25 degrees, for the lowest
+/// light.
 const SHADE_DISTANCE: f32 = 2.2;
 /// Youngest and oldest age at which a tree can be grown, years.
 const AGE_RANGE: [f64; 2] = [0.1, 500.0];
@@ -67,7 +68,7 @@ pub struct TreeSpec {
     pub base: Vec3,
     /// Age, years; a fraction shows part of the last year's growth.
     pub age: f64,
-    /// Unseen ring of leaves that shades it; `None`: it has no neighbours beyond the trees that grow with it.
+    /// Invisible ring of leaves that shades the tree; `None`: it has no neighbours except the trees that grow with it.
     pub neighbours: Option<Neighbours>,
     /// Cuts at the start of years of its growth.
     pub prunes: Vec<Prune>,
@@ -87,7 +88,7 @@ pub struct GrownTree {
 pub struct RecordedTree {
     /// The tree at the age of its specification.
     pub tree: GrownTree,
-    /// Its years, if a span of its life was to be recorded.
+    /// The recorded years, if a clip shows a span of its life.
     pub record: Option<Arc<GrowthRecord>>,
 }
 
@@ -101,7 +102,7 @@ impl GrownTree {
         self.tree.measures()
     }
 
-    /// Year of its life that was the first of two without light, after which it died; `None` if there were none.
+    /// Year of its life that was the first of two successive years without light, after which it died; `None` if there were none.
     pub fn died(&self) -> Option<u32> {
         self.tree.died
     }
@@ -123,8 +124,8 @@ impl GrownTree {
     }
 }
 
-/// Grows trees that share the light, each to its age; all reach their ages at the same time. Trees too far apart to shade each
-/// other have separate light fields.
+/// Grows trees that share one light field, each to its age; all reach their ages at the same time. Trees too far apart to shade
+/// each other have separate light fields.
 /// # Errors
 /// `Range` for an age, S003 for contradictory parameters, `Limit` for a tree of too many nodes.
 pub fn grow(specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<GrownTree>> {
@@ -132,7 +133,7 @@ pub fn grow(specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<Grow
     Ok(grown.into_iter().map(|g| g.tree).collect())
 }
 
-/// As [`grow`], and records the trees that a clip will show. `spans`: by tree, those to be recorded; a span ends at the tree's
+/// As [`grow`], and records the trees that a clip will show. `spans`: by tree, the span to record, if any; it ends at the tree's
 /// age or before.
 /// # Errors
 /// As [`grow`].
@@ -187,14 +188,14 @@ fn plant_seed(spec: &TreeSpec) -> Tree {
 /// Indices of trees that may shade each other, group by group, in the order of the first tree of each group.
 fn groups_in_shade(specs: &[TreeSpec]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    // `path_max` limits the path of water to the top, and so the height of a tree.
+    // `path_max` limits the length of the water path to the top, and so the height of a tree.
     let reach = |spec: &TreeSpec| SHADE_DISTANCE * spec.habit.path_max.min(spec.habit.height_max);
     for (i, spec) in specs.iter().enumerate() {
         let near = |other: &usize| {
             let other = &specs[*other];
             other.base.distance(spec.base) < reach(other).max(reach(spec))
         };
-        // The groups of all trees near this one are merged with it.
+        // All groups that contain a tree near this one are merged with it.
         let (joined, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(|group| group.iter().any(near));
         let mut group: Vec<usize> = joined.into_iter().flatten().collect();
         group.push(i);
@@ -207,7 +208,7 @@ fn groups_in_shade(specs: &[TreeSpec]) -> Vec<Vec<usize>> {
 }
 
 /// Grows the trees of one light field; returns them with their indices in `specs`. If an age has a fraction, the last year is
-/// computed whole and shown in part.
+/// computed completely and shown in part.
 fn grow_group(
     group: &[usize],
     specs: &[TreeSpec],
@@ -228,7 +229,7 @@ fn grow_group(
         |(i, tree): (&usize, &Tree)| span(*i).map(|span| GrowthRecord::new(tree, span, specs[*i].id, specs[*i].seed));
     let mut records: Vec<Option<GrowthRecord>> = group.iter().zip(&stand.trees).map(record_of).collect();
 
-    // All full years first; the last one, shown in part, follows below.
+    // Grow the full years first; the last one, shown in part, follows below.
     for year in 1..=last {
         stand.grow_year(true)?;
         let grew = stand.trees.iter().zip(&mut records).filter(|(tree, _)| tree.sown < year);
@@ -236,7 +237,7 @@ fn grow_group(
     }
     let part = |spec: &TreeSpec| narrow(spec.age - f64::from(full_years(spec.age)));
     if members.iter().any(|s| part(s) > 0.0) {
-        // The last year is grown in full for all trees, then undone for those whose age has no fraction.
+        // Grow the last year completely for all trees, then undo it for those whose age has no fraction.
         let before = stand.trees.clone();
         stand.grow_year(false)?;
         for (((tree, before), spec), record) in stand.trees.iter_mut().zip(before).zip(&members).zip(&mut records) {

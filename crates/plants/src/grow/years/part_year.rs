@@ -4,9 +4,9 @@ use super::tree::{Tree, flag};
 use osier_base::math;
 
 impl Tree {
-    /// Shows a part of the year that was computed last: later internodes are absent, the current one of a shoot is shortened,
-    /// wood is thickened and bent in part. Leaves of new tips unfold, and those that are lost this year fall, over the year. `before`:
-    /// the tree a year ago, whose nodes have the same indices.
+    /// Shows a part of the year that was computed last: later internodes are missing, the current one of a shoot is shortened,
+    /// wood is thickened and bent in part. Over the year, leaves of new tips unfold, and leaves that are lost this year fall.
+    /// `before`: the tree a year ago, whose nodes have the same indices.
     pub fn show_part_of_year(&mut self, before: &Self, part: f32) {
         let (exponent, tip) = (self.habit.pipe_exponent, self.habit.tip_radius);
         let root = 1.0 / exponent;
@@ -36,7 +36,7 @@ impl Tree {
                         nodes.flags[i] |= flag::FALLEN;
                         self.fallen += 1;
                     }
-                    // The last internode that is shown bears the tip.
+                    // The last visible internode bears the tip.
                     if carrier_shown && nodes.flags[i] & flag::MAIN != 0 {
                         nodes.flags[parent] |= flag::OPEN;
                     }

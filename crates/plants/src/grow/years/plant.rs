@@ -21,22 +21,22 @@ const TAKEOVER_RADIUS: f32 = 0.5;
 const FORK_RADIUS: f32 = 0.7;
 /// Cosine of the bend and share of the radius below which a node is left out of the skin: 2 degrees, 5 percent.
 const STRAIGHT: [f32; 2] = [0.999_391, 0.05];
-/// Largest distance of the next node from the chord over nodes that are left out, in radii.
+/// Largest distance of the next node from the chord over nodes that were left out, in radii.
 const MAX_DRIFT: f32 = 0.25;
 /// Angles between a rosette's axis and its innermost and outermost leaves, degrees.
 const ROSETTE: [f32; 2] = [35.0, 80.0];
-/// Distance between successive leaves of a rosette along the tip, as a share of a leaf's length: leaves that left one point would look
-/// like the lobes of one leaf.
+/// Distance between successive leaves of a rosette along the tip, as a share of a leaf's length: leaves that all begin at one
+/// point would look like the lobes of one leaf.
 const ROSETTE_STEP: f32 = 0.06;
 /// Standard deviation of the azimuth of leaves of a rosette, degrees.
 const ROSETTE_AZIMUTH_DEVIATION: f32 = 18.0;
-/// Standard deviation of a blade's turn about its midrib, degrees, and the weight that draws its midrib down, as a share of its direction:
-/// blades that all lay level would merge to stars.
+/// Standard deviation of a blade's rotation about its midrib, degrees, and the weight of the downward direction in that of the
+/// midrib: without them the level blades of a rosette would merge to stars.
 const BLADE_ROLL_DEVIATION: f32 = 22.0;
 const BLADE_DROOP: f32 = 0.25;
 /// Angle between a shoot and its leaves, degrees.
 const SHOOT_LEAF_ANGLE: f32 = 55.0;
-/// Angles between a shoot and the pieces of needles that stand off it as side twigs, degrees; the first piece continues the
+/// Angles between a shoot and the pieces of needles that diverge from it as side twigs, degrees; the first piece continues the
 /// shoot.
 const NEEDLE_TWIGS: [f32; 2] = [25.0, 60.0];
 /// Distance behind the tip at which the tuft of a conifer begins, as a share of the length of its pieces.
@@ -49,10 +49,10 @@ const LEAF_SIZE_DEVIATION: f32 = 0.12;
 /// Kind of foliage that a tree bears: single blades, or pieces of shoot with needles.
 #[derive(Debug, Clone)]
 pub enum Foliage {
-    /// Blades in rosettes at tips and along young shoots, as many as the model's leaf area holds.
+    /// Blades in rosettes at tips and along young shoots; their number follows from the leaf area of the model.
     Blades(OrganSpec),
-    /// Pieces of shoot with their needles, at tips and along the internodes that still bear needles, as many as the model's leaf
-    /// area holds.
+    /// Pieces of shoot with their needles, at tips and along the internodes that still bear needles; their number follows from
+    /// the leaf area of the model.
     Needles(OrganSpec),
 }
 
@@ -64,7 +64,7 @@ impl Foliage {
     }
 }
 
-/// Leaves and materials of the plant that a grown tree becomes.
+/// Leaves and materials of the plant made from a grown tree.
 #[derive(Debug, Clone, Default)]
 pub struct PlantOptions {
     /// Its leaves; `None`: the tree is bare.
@@ -154,17 +154,17 @@ pub(super) struct NodeSite {
 /// Data of a tree in a clip that the builder needs, by node.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ClipNodes {
-    /// True for a node that falls before the end of the clip. It begins a separate tube, since its parent grows thicker than it
-    /// was then.
+    /// True for a node that falls before the end of the clip. It begins a separate tube, because its parent becomes thicker after
+    /// the fall.
     pub gone: Vec<bool>,
 }
 
-/// Nodes of the tree from which the pose of a node of the plant follows.
+/// Nodes of the tree that determine the pose of a node of the plant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NodeSource {
-    /// Node at whose end it lies; without one, it lies at the base of the tree.
+    /// Node whose end gives the position; without one, it is the base of the tree.
     pub place: u32,
-    /// Node whose frame and radius it takes.
+    /// Node that gives frame and radius.
     pub node: u32,
     /// Next node of the axis, with which frame and radius are averaged.
     pub next: u32,
@@ -217,7 +217,7 @@ impl<'a> AxisBuilder<'a> {
         stack.reverse();
         let mut chain = Vec::new();
         while let Some(start) = stack.pop() {
-            // The chain of continuations from here, and the branches that leave it.
+            // Collect the chain of continuations from here, and the branches that leave it.
             chain.clear();
             let mut branches = Vec::new();
             let mut node = start.node as usize;
@@ -246,9 +246,9 @@ impl<'a> AxisBuilder<'a> {
         }
     }
 
-    /// The child that continues the skin of a node's axis: its continuation while that lives or all children are dead,
-    /// otherwise the thickest living child that is thick and straight enough. Wood that stands is preferred to wood
-    /// that falls during a clip.
+    /// The child that continues the skin of a node's axis: its continuation if that lives or all children are dead, otherwise the
+    /// thickest living child that is thick and straight enough. Wood that remains standing is preferred to wood that falls during
+    /// a clip.
     fn continuation(&self, children: &Children, node: usize) -> Option<u32> {
         let nodes = &self.tree.nodes;
         let stays = |c: usize| self.has_fallen(c) == self.has_fallen(node);
@@ -260,14 +260,14 @@ impl<'a> AxisBuilder<'a> {
         if main.is_some() || !nodes.lives(node) || nodes.flags[node] & (flag::OPEN | flag::CUT) != 0 {
             return main.or(falling).copied();
         }
-        // The leader is lost. A side branch takes the skin over only if the bend would not show.
+        // The leader has died. A side branch continues the skin only if the bend would not be visible.
         let d = nodes.direction(node);
         let fits = |c: &&u32| {
             let c = **c as usize;
             let straight = nodes.direction(c).dot(d) > TAKEOVER_COSINE;
             nodes.lives(c) && stays(c) && straight && nodes.r[c] > TAKEOVER_RADIUS * nodes.r[node]
         };
-        // Equal radii: the lower index, so that the choice does not depend on the order of children.
+        // Of equal radii, take the lower index, so that the choice does not depend on the order of children.
         let thicker = |a: &&u32, b: &&u32| nodes.r[**a as usize].total_cmp(&nodes.r[**b as usize]).then(b.cmp(a));
         children.of(node).iter().filter(fits).max_by(thicker).or(falling).copied()
     }
@@ -282,7 +282,7 @@ impl<'a> AxisBuilder<'a> {
         let breaks_off = self.has_fallen(head) && carrier < nodes.len() && !self.has_fallen(carrier);
         let on = self.at.get(carrier).copied().filter(|_| !breaks_off);
         let parent = on.and_then(|on| self.plant.axes.get(on.axis as usize));
-        // The axis begins on the parent's centreline as the skin has it, from which straight nodes were left out.
+        // The axis begins on the parent's centreline in the skin, in which nodes of straight stretches were left out.
         let from = match (parent, on) {
             (Some(parent), Some(on)) => self.plant.frame(parent, on.s).p,
             _ => nodes.base(head),
@@ -308,7 +308,7 @@ impl<'a> AxisBuilder<'a> {
             id,
             parent: on.map_or(NONE, |on| on.axis),
             parent_s: on.map_or(0.0, |on| on.s),
-            // Order 0 without a parent would be a trunk, with a foot in the ground.
+            // An axis of order 0 without a parent would be a trunk, with a root flare.
             order: nodes.order[head].max(u8::from(breaks_off)),
             kind: AxisKind::Stem,
             first: index_of(first),
@@ -335,15 +335,15 @@ impl<'a> AxisBuilder<'a> {
         }
     }
 
-    /// Adds the nodes of an axis: one at its base, then the ends of its internodes; nodes between straight internodes of nearly
-    /// equal radius are left out.
+    /// Adds the nodes of an axis: one at its base, then the ends of its internodes. Nodes between nearly collinear internodes of
+    /// nearly equal radius are left out.
     fn add_nodes(&mut self, from: Vec3, chain: &[u32], axis: u32) {
         let tree = self.tree;
         let nodes = &tree.nodes;
         let Some(&head) = chain.first() else { return };
         let head = head as usize;
         let first_birth = match nodes.birth.get(nodes.parent[head] as usize) {
-            // A branch begins with its first year, not with the node that carries it.
+            // A branch begins in the first year of its own wood, not with the node that carries it.
             Some(carrier) => carrier.max(nodes.birth[head].ceil() - 1.0),
             None => nodes.birth[head],
         };
@@ -360,7 +360,7 @@ impl<'a> AxisBuilder<'a> {
         // The first node of the axis, on its parent's centreline.
         let to_first = nodes.p[head] - from;
         push(from, math::normalize_or(to_first, nodes.direction(head)), head, nodes.r[head], 0.0, first_birth);
-        // The last node that was kept, and the ones since then.
+        // The last node that was kept, and the nodes left out since then.
         let (mut kept, mut kept_r, mut s) = (from, nodes.r[head], 0.0_f32);
         let mut skipped = 0;
         for (k, &node) in chain.iter().enumerate() {
@@ -368,7 +368,7 @@ impl<'a> AxisBuilder<'a> {
             let here = nodes.p[i];
             let way = here - kept;
             let next = chain.get(k + 1).map(|n| *n as usize);
-            // Radii belong to internodes; at a node the mean of the two that meet there avoids steps.
+            // Radii belong to internodes. At a node, the mean of the radii of both internodes avoids steps.
             let r = next.map_or(nodes.r[i], |n| 0.5 * (nodes.r[i] + nodes.r[n]));
             let straight = next.is_some_and(|n| {
                 let ahead = nodes.p[n] - here;
@@ -419,7 +419,7 @@ pub(super) struct MeanLeaf {
     area: f32,
 }
 
-/// A leaf on wood whose place is known: all but its position.
+/// A leaf on wood of known position: all values but its own position.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlacedLeaf {
     /// Rotation into plant space.
@@ -471,13 +471,13 @@ impl<'a> TreeFoliage<'a> {
         (bears && area > 0.0).then_some(Self { foliage, mean: MeanLeaf { scale, area } })
     }
 
-    /// Predicted number of organs: leaf area of the tree divided by that of the mean leaf; checked against the limit.
+    /// Expected number of organs, compared with the limit: leaf area of the tree divided by that of the mean leaf.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
         (f64::from(tree.measures().leaf_area) / f64::from(self.mean.area)) as u64
     }
 
-    /// Adds the leaves of a chain of nodes to the axis that it became, sorted by arc length.
+    /// Adds the leaves of a chain of nodes to the axis made from it, sorted by arc length.
     fn add_to_axis(&self, plant: &mut Plant, tree: &Tree, chain: &[u32], at: &[NodeSite], age: f32) {
         let first = plant.organs.len();
         for &node in chain {
@@ -487,8 +487,8 @@ impl<'a> TreeFoliage<'a> {
             }
             let site = at[i];
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
-            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip. Within a
-            // year, leaves that unfold or fall are shown in part.
+            // Leaves remain along an internode for `leaf_years`; every living open tip bears a rosette. Within a year, a part of
+            // the leaves that unfold or fall is shown.
             let shown = tree.share_along(i);
             match self.foliage {
                 Foliage::Needles(_) => self.add_needles(plant, tree, i, site, birth),
@@ -567,12 +567,12 @@ impl<'a> TreeFoliage<'a> {
         whole as u32 + u32::from(Rng::from_key(id).unit_f32() < wanted - whole)
     }
 
-    /// How far behind the tip leaf `k` of its rosette stands, m.
+    /// Distance of leaf `k` of a rosette from the tip, towards the base, m.
     pub fn rosette_behind(&self, k: u32) -> f32 {
         k as f32 * ROSETTE_STEP * narrow(self.foliage.organ().size)
     }
 
-    /// Adds the rosette of a tip: a leaf every [`ROSETTE_STEP`] from the tip down.
+    /// Adds the rosette of a tip: leaves at intervals of [`ROSETTE_STEP`], beginning at the tip.
     fn add_rosette(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
         let axis = tree.nodes.axis[i];
         let count = self.count_at_tip(tree, axis);
@@ -633,21 +633,21 @@ impl<'a> TreeFoliage<'a> {
         });
     }
 
-    /// Angles of piece `k` of `count` along an internode or at a tip: the first continues the shoot, the others stand off it as
-    /// its twigs do.
+    /// Angles of piece `k` of `count` along an internode or at a tip: the first continues the shoot, the others diverge from it
+    /// like twigs.
     pub fn needle_turn(tree: &Tree, i: usize, k: u32, count: u32) -> BladeTurn {
         let part = (k as f32 + 0.5) / count as f32;
         let angle = if k == 0 { 0.0 } else { math::lerp(NEEDLE_TWIGS[0], NEEDLE_TWIGS[1], part) };
         BladeTurn { azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32, angle: angle.to_radians() }
     }
 
-    /// Distance behind the end of its internode at which piece `k` of `count` begins, m: pieces reach as far beyond the end as
-    /// they begin behind the base. `length`: of the internode, m.
+    /// Distance from the end of an internode, towards its base, at which piece `k` of `count` begins, m: pieces extend beyond the
+    /// end as far as they begin below the base. `length`: length of the internode, m.
     pub fn needles_behind(&self, k: u32, count: u32, length: f32) -> f32 {
         0.5 * narrow(self.foliage.organ().size) + length * (1.0 - (k as f32 + 0.5) / count as f32)
     }
 
-    /// Distance behind the tip at which piece `k` of `count` of its tuft begins, m.
+    /// Distance from the tip, towards the base, at which piece `k` of `count` of its tuft begins, m.
     pub fn tuft_behind(&self, k: u32, count: u32) -> f32 {
         TUFT * narrow(self.foliage.organ().size) * (1.0 - (k as f32 + 0.5) / count as f32)
     }
@@ -679,7 +679,7 @@ impl<'a> TreeFoliage<'a> {
         let mut draw = Rng::from_key(id);
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
         let roll = draw.unit_f32() * std::f32::consts::TAU;
-        // About the wood first, then away from it; the roll about the piece itself comes last.
+        // Rotate about the wood first, then away from it; the roll about the piece itself comes last.
         let tilt = math::rotation_about(Vec3::Y, turn.azimuth) * math::rotation_about(Vec3::Z, turn.angle + deviation);
         let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
         PlacedLeaf {
@@ -710,8 +710,8 @@ impl<'a> TreeFoliage<'a> {
     }
 }
 
-/// Whether the leaf with this id is shown if a share of all leaves, 0 to 1, is shown; a leaf that is shown is also
-/// shown with every larger share.
+/// Whether the leaf with this id is visible if a share of all leaves, 0 to 1, is visible. A visible leaf stays visible with every
+/// larger share.
 fn is_among(id: u64, share: f32) -> bool {
     share >= 1.0 || Rng::from_key(mix64(&[id, word("share")])).unit_f32() < share
 }

@@ -1,10 +1,10 @@
-//! Radii by the pipe model, with the wood of disused pipes and a least radius against buckling.
+//! Radii by the pipe model, including the pipes of dead wood and a least radius against buckling.
 
 use super::season::Season;
 use super::tree::{NONE, Tree, flag};
 use osier_base::math;
 
-/// Margin larger than the relative error of a power in single precision and of its inverse.
+/// Margin larger than the relative error of a power in single precision and of the inverse power.
 const POWER_ERROR: f32 = 1e-4;
 
 impl Tree {
@@ -33,13 +33,13 @@ impl Tree {
             // Length of the column from the base of the internode to the end of the axis.
             let beyond = scratch.beyond[i] + nodes.length[i];
             let part = habit.buckling_safety[usize::from(nodes.order[i])] * beyond / season.critical_length;
-            // Greenhill: a column of length l = c d^(2/3) carries itself; solved for r = d / 2 this is 0.5 (l / c)^1.5, with part
-            // = l / c.
+            // Greenhill: a column buckles under its own weight at the length l = c d^(2/3); solved for r = d / 2 this is 0.5 (l /
+            // c)^1.5, with part = l / c.
             let least = 0.5 * part * part.sqrt();
-            // Powers are computed only where the wood grew.
+            // Powers are computed only where the wood has grown.
             let grew = area > nodes.area[i];
             let mut r = if grew { math::pow_f32(area, root) } else { nodes.r[i] };
-            // The wood that the tips need is mostly thicker than that; the margin covers the rounding errors of both powers.
+            // The pipe model mostly requires thicker wood than that; the margin covers the rounding errors of both powers.
             if least > nodes.r[i] && least * (1.0 + POWER_ERROR) > r {
                 let needed = math::pow_f32(least, exponent);
                 if needed > area {
@@ -54,7 +54,7 @@ impl Tree {
             let parent = nodes.parent[i];
             if parent != NONE {
                 scratch.area[parent as usize] += nodes.area[i];
-                // Only the continuation of the axis lengthens the column; side branches are columns by themselves.
+                // Only the continuation of the axis lengthens the column; side branches are separate columns.
                 if nodes.flags[i] & flag::MAIN != 0 {
                     scratch.beyond[parent as usize] = beyond;
                 }

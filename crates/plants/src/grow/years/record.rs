@@ -7,12 +7,12 @@ use osier_base::math;
 
 /// Years over which a branch that falls or is cut off thins out. At 24 frames a year a leaf on it shrinks by .28 a frame.
 const FALL_YEARS: f32 = 0.15;
-/// Most years that are stored. A clip of at most as many years shows the tree of each year within a centimetre; with every second
-/// year stored, 99 of 100 leaves are within 0.11 m.
+/// Largest number of years that are stored. If every year is stored, the tree of each year is shown within a centimetre; with
+/// every second year, 99 of 100 leaves are within 0.11 m.
 const MAX_KEYS: u32 = 40;
-/// Part of the clip for which wood that has thinned out keeps its place, before it is moved to its base. Own: formats
-/// that keep fewer shapes than frames, at least 16, interpolate between them; a branch would shrink into its base between two of them
-/// instead of thinning out.
+/// Part of the clip during which wood that has thinned out keeps its position, before it is moved to its base. Own: formats that
+/// keep fewer shapes than frames, at least 16, interpolate between them; if the wood moved at once, a branch would shrink into
+/// its base between two shapes instead of thinning out.
 const KEPT_PART: f32 = 0.1;
 /// Years before the start over which the seedling appears.
 const SPROUTING: f32 = 0.1;
@@ -67,7 +67,7 @@ pub struct GrowthRecord {
     fell: Vec<u16>,
     /// Last year at whose end each node lived.
     last_living: Vec<u16>,
-    /// Last year at whose end each node was an open tip; 0 if never, as of the seedling.
+    /// Last year at whose end each node was an open tip; 0 if it never was, as for the seedling.
     last_open: Vec<u16>,
 }
 
@@ -80,7 +80,7 @@ pub(super) struct Wood {
     pub q: Vec<Quat>,
     /// Radius, m, also of nodes that are not visible at this time.
     pub r: Vec<f32>,
-    /// Visible share, 0..1: 0 before birth and after the fall, between while the node grows or thins out.
+    /// Visible share, 0..1: 0 before birth and after the fall, between 0 and 1 while the node grows or thins out.
     pub shown: Vec<f32>,
     /// Length that has grown, m.
     pub length: Vec<f32>,
@@ -113,7 +113,7 @@ impl GrowthRecord {
             return;
         }
         let nodes = &tree.nodes;
-        // Nodes of a recorded tree are only appended: those from `known` on grew this year.
+        // Nodes of a recorded tree are only appended: those with indices from `known` grew this year.
         let known = self.fell.len();
         self.first_frames.extend_from_slice(&nodes.q[known..]);
         self.first_areas.extend_from_slice(&nodes.area[known..]);
@@ -131,14 +131,16 @@ impl GrowthRecord {
                 }
             }
         }
-        // Keys of all nodes at some years only: their number, and with it the memory, does not grow with the age of the tree.
+        // Store the state of all nodes only for some years, so that the number of keys, and with it the memory, does not grow
+        // with the age of the tree.
         if tree.year > 0 && (last || tree.year.is_multiple_of(self.spacing)) {
             self.keys.push(Key { year: tree.year as f32, frames: nodes.q.clone(), areas: nodes.area.clone() });
         }
-        // The tree at the end of the clip holds what does not change: parents, births, cuts.
+        // Properties that do not change are taken from the tree at the end of the clip: parents, births, cuts.
         if last {
             self.tree = Tree { scratch: Scratch::default(), ..tree.clone() };
-            // Each frame looks up the cuts of every node. The sort is stable: those of a node stay in the order of years.
+            // Each frame looks up the cuts of every node. The sort is stable, so that the cuts of a node stay in the order of
+            // years.
             self.tree.cuts.sort_by_key(|cut| cut.node);
         }
     }
@@ -153,10 +155,11 @@ impl GrowthRecord {
         self.span.ordered()
     }
 
-    /// Whether a node is in the clip: those that are visible at some time of it, and seedlings.
+    /// Whether the clip contains a node: it is visible at some time of the clip, or is a seedling.
     pub(super) fn is_shown(&self, i: usize) -> bool {
         let [first, last] = self.span.ordered();
-        // A tree that is sown after the end of the clip has its seedling in it, which is never seen: a plant needs an axis.
+        // A plant needs an axis: a tree that is sown after the end of the clip therefore keeps its seedling, which is never
+        // visible.
         let begins = self.start(i) < last || self.tree.nodes.birth[i] <= 0.0;
         begins && self.fall_window(i).is_none_or(|[_, end]| end > first)
     }
@@ -182,7 +185,7 @@ impl GrowthRecord {
         (self.last_open[i] > 0 || is_seedling).then(|| f32::from(self.last_open[i]))
     }
 
-    /// Time at which a node's internode begins to grow, years: when the one before it is complete, and not before its year.
+    /// Time at which a node's internode begins to grow, years: when the internode before it is complete, but not before its year.
     pub(super) fn start(&self, i: usize) -> f32 {
         let nodes = &self.tree.nodes;
         // Births within a year are spread over it along each shoot, so that internodes follow each other. `NONE` lies beyond the
@@ -204,7 +207,8 @@ impl GrowthRecord {
         self.posed(time, false)
     }
 
-    /// The wood of all nodes that the clip shows, at once: as at the end of the clip, fallen nodes as they were when they fell.
+    /// The wood of all nodes that the clip shows, at once: in its state at the end of the clip, or, for fallen nodes, when they
+    /// fell.
     pub(super) fn wood_of_all(&self) -> Wood {
         self.posed(self.span.ordered()[1], true)
     }
@@ -230,23 +234,23 @@ impl GrowthRecord {
         };
         for i in 0..count {
             let parent = nodes.parent[i] as usize;
-            // Parents come first, so that their ends are known: positions are forward kinematics along the tree.
+            // Parents come first, so that the positions of their ends are known: forward kinematics along the tree.
             let base = match wood.p.get(parent) {
                 Some(p) => *p,
-                // Roots stay where they were sown.
+                // Roots stay in their place.
                 None => nodes.base(i),
             };
             let (start, end) = (self.start(i), nodes.birth[i]);
             let grown = if all { 1.0 } else { ((time - start) / (end - start).max(1e-6)).clamp(0.0, 1.0) };
             let (q, area) = self.frame_and_area(i, time, tip_area, before, after);
-            // An infinite time stands for the length after all cuts.
+            // An infinite time gives the length after all cuts.
             let mut length = self.length(i, if all { f32::INFINITY } else { time }) * grown;
             let mut shown = grown;
             if let Some([start, end]) = self.fall_window(i).filter(|_| !all) {
-                // Falling wood thins out where it is; later, when it has not been seen for a while, it lies at its base.
+                // Falling wood thins out in place; later, after a time in which it is not visible, it lies at its base.
                 shown *= 1.0 - ((time - start) / (end - start)).clamp(0.0, 1.0);
-                // The first internode of a fallen axis end retracts at once; otherwise it would stick out of the
-                // standing wood like a thorn.
+                // The first internode of a fallen axis end retracts at once; otherwise it would protrude from the standing wood
+                // like a thorn.
                 let carrier_stands = self.fell.get(parent).is_some_and(|year| *year > self.fell[i]);
                 let is_end = carrier_stands && nodes.axis[parent] == nodes.axis[i];
                 length *= f32::from(u8::from(time < end + if is_end { 0.0 } else { kept }));
@@ -271,7 +275,7 @@ impl GrowthRecord {
     ) -> (Quat, f32) {
         let first = self.first_year(i).max(1.0);
         if time <= first {
-            // In its first year it thickens from a tip's radius.
+            // In its first year it thickens from the radius of a tip.
             let part = (time - (first - 1.0)).clamp(0.0, 1.0);
             return (self.first_frames[i], math::lerp(tip_area, self.first_areas[i], part));
         }
@@ -281,15 +285,15 @@ impl GrowthRecord {
         };
         let from = stored(before).unwrap_or((first, self.first_frames[i], self.first_areas[i]));
         let Some(to) = stored(after) else { return (from.1, from.2) };
-        // The denominator is 0 where both are the same key.
+        // The denominator is 0 if both keys are the same.
         let part = ((time - from.0) / (to.0 - from.0).max(1e-6)).clamp(0.0, 1.0);
         (math::nlerp(from.1, to.1, part), math::lerp(from.2, to.2, part))
     }
 
-    /// Length of a node's internode at a time, m: cuts shorten it while what they cut off thins out.
+    /// Length of a node's internode at a time, m: a cut shortens it while the wood beyond the cut thins out.
     fn length(&self, i: usize, time: f32) -> f32 {
         let length = self.tree.nodes.length[i];
-        // The first cut that is still to come or under way; later ones begin from what it leaves.
+        // The first cut that is in the future or in progress; later cuts begin from the length that it leaves.
         let mut cuts = self.tree.cuts_through(i);
         let pending = cuts.find(|cut| cut.time() + FALL_YEARS > time);
         let Some(cut) = pending else { return length };

@@ -20,7 +20,7 @@ pub(super) struct Season {
     pub angle: PerOrder,
     /// Standard deviation of `angle`, rad, for all orders.
     pub angle_var: f32,
-    /// Sine and cosine of the elevation that axes turn to.
+    /// Sine and cosine of the elevation towards which axes turn.
     pub elevation: [[f32; 2]; ORDERS],
     /// Factor on the growth of the leader: 1 in a young tree, `leader_old` in an old one.
     pub leader: f32,
@@ -48,7 +48,7 @@ impl Season {
         } else {
             1.0
         };
-        // E / (rho g) in m: the length that Greenhill's formula takes the cube root of.
+        // E / (rho g) in m: the argument of the cube root in Greenhill's formula.
         let stiffness = habit.elasticity_gpa * 1e9 / (habit.density * GRAVITY);
         Self {
             year,

@@ -1,4 +1,4 @@
-//! Objects that shade the trees of a field besides their own leaves: solids and unseen neighbours.
+//! Objects that shade the trees of a field besides their own leaves: solids and invisible neighbours.
 
 use glam::{Vec2, Vec3};
 
@@ -6,8 +6,8 @@ use super::light::{Grid, LeafAreas};
 use osier_base::geometry::Bounds;
 use osier_scene::solid::{Form, LandForm, Solid, Solids};
 
-/// Solids farther than this from living wood, m, cast no shade: light comes from 25 degrees and more, so that only walls higher
-/// than half of this distance would.
+/// Distance from living wood beyond which solids cast no shade, m: light comes from 25 degrees and more, so that only walls
+/// higher than half of this distance would.
 const SHADE_REACH: f32 = 12.0;
 /// Thickness of the ring of neighbours, m.
 const RING_THICKNESS: f32 = 3.0;
@@ -16,7 +16,7 @@ const RING_HEIGHTS: [f32; 2] = [0.3, 0.92];
 /// Share of a cell's side that the surface of a thin solid may lie beyond its center and still make it opaque.
 const OPAQUE_REACH: f32 = 0.25;
 
-/// Unseen neighbours of a tree: a ring of leaves.
+/// Invisible neighbours of a tree: a ring of leaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbours {
     /// Inner radius of the ring, m.
@@ -38,7 +38,7 @@ impl Neighbours {
     /// species.
     pub(super) fn deposit(&self, areas: &mut LeafAreas, base: Vec3, height: f32, extinction: f32) {
         let grid = areas.grid;
-        // The field holds areas times extinction: species absorb light differently.
+        // The field holds leaf areas times extinction, because species absorb light differently.
         let area = self.density * grid.cell * grid.cell * grid.cell * extinction;
         let [nx, ny, nz] = grid.size;
         for y in 0..ny {
@@ -46,7 +46,7 @@ impl Neighbours {
                 for x in 0..nx {
                     let at = grid.center(x, y, z) - base;
                     let away = (at.x * at.x + at.z * at.z).sqrt();
-                    // A cell counts as a whole: it lies in the ring if its center does.
+                    // A cell lies in the ring if its center does.
                     let ring = (self.radius..self.radius + RING_THICKNESS).contains(&away);
                     if ring && (RING_HEIGHTS[0] * height..RING_HEIGHTS[1] * height).contains(&at.y) {
                         areas.add_to_cell((y * nz + z) * nx + x, area);
@@ -69,9 +69,9 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
     })
 }
 
-/// Indices of the cells that let no light pass, in rising order: those whose centers lie in a solid or close in front of a thin one, and
-/// those that lie wholly below a land. Seedlings stand in cells that the land only crosses: these let light pass. Level ground needs no
-/// cells, since light comes from above.
+/// Indices of the cells that let no light pass, in ascending order: cells whose centers lie in a solid or close in front of a
+/// thin solid, and cells that lie entirely below a land. Seedlings grow in cells that the land only crosses; these let light
+/// pass. Level ground needs no opaque cells, since light comes from above.
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };
@@ -108,7 +108,7 @@ fn shades_cell(solid: &Solid, all: &Solids, center: Vec3, side: f32) -> bool {
     if near.distance < 0.0 || near.distance >= OPAQUE_REACH * side {
         return near.distance < 0.0;
     }
-    // The neighbour that lies most nearly behind the surface.
+    // The neighbour of the cell that lies most nearly behind the surface.
     let [x, y, z] = near.normal.abs().to_array();
     let axis = if x >= y && x >= z {
         Vec3::X
@@ -122,13 +122,13 @@ fn shades_cell(solid: &Solid, all: &Solids, center: Vec3, side: f32) -> bool {
     !all.list().iter().any(|s| !matches!(s.form, Form::Land(_)) && s.contains(behind))
 }
 
-/// Whether a cell of the given side lies below a land with its whole upper face, tested at the middle, the corners and the middles
+/// Whether the whole upper face of a cell of the given side lies below a land, tested at the middle, the corners and the middles
 /// of the edges of that face. `center`: center of the cell in the scene, m.
 fn lies_below(land: &LandForm, center: Vec3, side: f32) -> bool {
     let half = 0.5 * side;
     let top = center.y + half;
     let steps = [0.0, -half, half];
-    // The middle is tested first: it rules out most cells above the land.
+    // The middle is tested first, because it excludes most cells above the land.
     steps.iter().all(|z| steps.iter().all(|x| land.height(Vec2::new(center.x + x, center.z + z)) >= top))
 }
 

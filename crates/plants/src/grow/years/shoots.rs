@@ -1,4 +1,5 @@
-//! From vigour to wood: which tips and buds shoot this year, how far, in which direction, and the buds of the new shoots.
+//! From vigour to wood: selects the tips and buds that shoot this year, computes length and direction of their shoots, and adds
+//! the buds of the new shoots.
 
 use glam::{Quat, Vec3};
 
@@ -16,18 +17,18 @@ use osier_base::rng::{Rng, mix64, word};
 const LENGTH_DEVIATION: [f32; 2] = [0.15, 0.2];
 /// Least random factor on the length of a shoot: for tips, for buds.
 const LENGTH_LEAST: [f32; 2] = [0.4, 0.3];
-/// Largest magnitude of a normal draw: factors beyond it need no draw.
+/// Largest magnitude of a normal draw. A shoot that even this draw would leave too short needs no draw.
 const NORMAL_MAX: f32 = 5.8;
-/// A tip that made a short shoot needs this multiple of its length to lengthen again.
+/// A tip that made a short shoot makes a long one only if that reaches this multiple of `short_shoot`.
 const SHORT_STAYS: f32 = 1.6;
 /// Length of the internode of a short shoot that a bud makes, as a share of `short_shoot`.
 const SHORT_LENGTH: f32 = 0.8;
 /// Shoots shorter than this multiple of `short_shoot` bear no buds; whorls need twice `short_shoot`.
 const LONG_ENOUGH: [f32; 2] = [1.2, 2.0];
-/// Standard deviation of the kink where a side bud takes over from a dead apex, as a share of the angle of branches.
+/// Standard deviation of the kink at which a side bud takes over from a dead apex, as a share of the angle of branches.
 const KINK_DEVIATION: f32 = 0.2;
-/// Length over which such a kink of the stem is distributed, m: a thick stem hides the place of a relay under later wood, which follows
-/// the chord of its pith.
+/// Length over which such a kink of the stem is distributed, m: later wood, which follows the chord of the pith, hides the kink
+/// in a thick stem.
 const STEM_KINK_LENGTH: f32 = 0.4;
 /// Deviation of the elevation of an axis from that of its order, as a share of the deviation of the angle at which it left its parent.
 const ELEVATION_SPREAD: f32 = 1.0;
@@ -37,11 +38,11 @@ const DEVIATION_MAX: f32 = 2.5;
 const LEAVE_RANGE: [f32; 2] = [5.0, 150.0];
 /// Deviation of the azimuth of buds, degrees.
 const AZIMUTH_DEVIATION: f32 = 8.0;
-/// Divergence beyond which buds are two-ranked, degrees. Only level shoots keep two ranks; along upright stems the ranks turn.
+/// Divergence beyond which buds are two-ranked, degrees. Only level shoots keep two ranks; along upright stems the ranks rotate.
 const TWO_RANKED: f32 = 150.0;
 /// Radius of a new shoot at its tip as a share of that at its base.
 const TIP_TAPER: f32 = 0.6;
-/// Weakest whorl, as a share of the branches of the strongest.
+/// Smallest number of branches of a whorl, as a share of that of the strongest whorl.
 const WHORL_LEAST: f32 = 0.35;
 /// Projected directions whose squared length is below this count as zero.
 pub(super) const LEVEL_EPSILON: f32 = 1e-6;
@@ -49,9 +50,9 @@ pub(super) const LEVEL_EPSILON: f32 = 1e-6;
 /// A shoot planned for this year.
 #[derive(Debug, Clone, Copy)]
 struct Shoot {
-    /// Node whose end it grows from.
+    /// Node from whose end it grows.
     node: u32,
-    /// The bud that it grows from; `None` for the tip of the node.
+    /// The bud from which it grows; `None` for the tip of the node.
     bud: Option<Bud>,
     /// Length that the shoot reaches this year, m.
     length: f32,
@@ -68,7 +69,7 @@ struct Kink {
     angle: f32,
 }
 
-/// A power of a number that is not negative; the exponents of most tables need no logarithm.
+/// A power of a number that is not negative. For the exponents of most tables no logarithm is computed.
 fn power(x: f32, exponent: f32) -> f32 {
     let is = |whole: f32| (exponent - whole).abs() < 1e-6;
     if is(1.0) {
@@ -87,13 +88,13 @@ fn power(x: f32, exponent: f32) -> f32 {
 /// Decline of growth with the length of the water path and with height, 1 to 0.
 /// Source: max(0, 1 - (path / path_max)^a) max(0, 1 - (height / height_max)^b).
 fn hydraulics(habit: &Habit, path: f32, height: f32) -> f32 {
-    // A negative height (roots of a plant on a slope) must not become a power of a negative number.
+    // The base of the power must not be negative, as for the height of roots of a plant on a slope.
     let decline = |part: f32, exponent: f32| (1.0 - power(part.max(0.0), exponent)).max(0.0);
     decline(path / habit.path_max, habit.path_power) * decline(height / habit.height_max, habit.height_power)
 }
 
 impl Tree {
-    /// Grows the shoots of a year: all are planned and counted before the first is made.
+    /// Grows the shoots of a year: plans and counts all of them before it adds the first.
     /// # Errors
     /// `Limit` if the tree would have more nodes than allowed.
     pub fn shoot(
@@ -106,7 +107,7 @@ impl Tree {
         let mut shoots = Vec::new();
         self.plan_tips(season, &mut shoots);
         self.plan_buds(season, field, &mut shoots);
-        // All internodes of the year are counted before the first is made.
+        // Count all internodes of the year before the first is added.
         let new: u64 = shoots.iter().map(|s| u64::from(s.count)).sum();
         let standing = (self.nodes.len() - self.fallen) as u64;
         let what = || format!("nodes of plant \"{}\" in year {}", self.name, season.year);
@@ -117,7 +118,7 @@ impl Tree {
         Ok(())
     }
 
-    /// Plans the shoots of open tips; a tip without the vigour for a shoot stays a short shoot.
+    /// Plans the shoots of open tips; a tip with too little vigour for a long shoot remains a short shoot.
     fn plan_tips(&mut self, season: &Season, shoots: &mut Vec<Shoot>) {
         let habit = &self.habit;
         // Largest random factor on the length of a shoot.
@@ -157,7 +158,7 @@ impl Tree {
         }
     }
 
-    /// Plans the shoots of lit buds; unlit buds wait, and become dormant in the end.
+    /// Plans the shoots of lit buds; unlit buds wait, and finally become dormant.
     fn plan_buds(&mut self, season: &Season, field: &LightField, shoots: &mut Vec<Shoot>) {
         let buds = std::mem::take(&mut self.buds);
         for mut bud in buds {
@@ -167,9 +168,9 @@ impl Tree {
             }
             let parent_order = usize::from(self.nodes.order[i]);
             let order = parent_order + 1;
-            // The side's part of the vigour at the node, by the light of this bud.
+            // The share of the vigour at the node that goes to side branches, in proportion to the light of this bud.
             let vigour = self.scratch.factor[i] * (1.0 - self.control_at(season, i)) * bud.gathered;
-            // Unlit buds wait; after `bud_life` years they join the dormant ones, which may still break when light returns.
+            // Unlit buds wait; after `bud_life` years they become dormant buds, which may still break when light returns.
             if vigour <= 0.0 || order >= ORDERS {
                 bud.age = bud.age.saturating_add(1);
                 if f32::from(bud.age) > self.habit.bud_life {
@@ -202,7 +203,7 @@ impl Tree {
     /// Id of the axis that grows from a bud, the same in every run: a hash of the bearing axis, the node and the bud's slot.
     fn axis_of_bud(&self, bud: &Bud) -> u64 {
         let i = bud.node as usize;
-        // Slots lie below 64, those of woken buds included, so that nodes of an axis share no ordinal.
+        // Slots are below 64, including those of woken buds, so that the ordinals of the nodes of an axis are unique.
         let ordinal = u64::from(self.nodes.index[i]) * 64 + u64::from(bud.slot);
         mix64(&[self.axis_ids[self.nodes.axis[i] as usize], word("bud"), ordinal])
     }
@@ -216,7 +217,7 @@ impl Tree {
     fn grow_shoot(&mut self, shoot: &Shoot, season: &Season, field: &LightField, obstacles: Obstacles<'_>) {
         let from = shoot.node as usize;
         let order = usize::from(self.nodes.order[from]) + usize::from(shoot.bud.is_some());
-        // The start: from a bud at an angle to the node, from a tip straight on or, after the death of the apex, at a kink.
+        // Begin from a bud at an angle to the node, or from a tip straight on or, after the death of the apex, with a kink.
         let (axis, first_index, mut azimuth, mut q) = match &shoot.bud {
             Some(bud) => {
                 let id = self.axis_of_bud(bud);
@@ -234,7 +235,7 @@ impl Tree {
         let kink = if shoot.bud.is_none() { self.relay_kink(from, order, season) } else { None };
         let is_short = shoot.bud.is_some() && shoot.length < self.habit.short_shoot;
 
-        // Internode by internode: turn, slide along obstacles, add the node and its buds.
+        // For each internode: turn, slide along obstacles, add the node and its buds.
         let count = f32::from(shoot.count);
         let length = shoot.length / count;
         let light = self.scratch.cell.get(from).map_or(Vec3::Y, |cell| field.in_cell(*cell).from);
@@ -255,14 +256,14 @@ impl Tree {
             let d = y_axis(q);
             let wanted = Step { d: turns.turn(d, &mut self.draw(id, Purpose::Wander)), length };
             let t = (f32::from(j) + 1.0) / count;
-            // Longer shoots are stouter; each tapers linearly to its tip. From the next year on the pipe model determines the
+            // Longer shoots are thicker; each tapers linearly to its tip. From the next year the pipe model determines the
             // radius.
             let radius = self.habit.tip_radius + self.habit.stout[order] * shoot.length * (1.0 - TIP_TAPER * t);
             let Some(step) = obstacles.slide(at, wanted, radius) else {
                 end_flag = flag::OBSTACLE;
                 break;
             };
-            // The smallest rotation onto the new direction: frames are carried along without twist.
+            // Take the smallest rotation to the new direction, so that frames do not twist.
             q = (math::rotation_between(d, step.d) * q).normalize();
             at += step.d * step.length;
             let is_first_of_bud = j == 0 && shoot.bud.is_some();
@@ -298,7 +299,7 @@ impl Tree {
             let last = j + 1 == shoot.count;
             azimuth += self.add_buds(parent, id, shoot.length, t, last);
         }
-        // The tip moves on to the last internode.
+        // The last internode now bears the tip.
         if parent != from {
             self.nodes.flags[parent] |= end_flag | if is_short { flag::SHORT } else { 0 };
             self.nodes.gathered[parent] = 0.0;
@@ -311,7 +312,7 @@ impl Tree {
         }
     }
 
-    /// Azimuth of the first bud of an axis: level for two ranks, random for a spiral.
+    /// Azimuth of the first bud of an axis: level for two ranks, random for spiral phyllotaxis.
     fn first_azimuth(&self, axis_id: u64) -> f32 {
         if self.habit.divergence > TWO_RANKED || self.habit.buds > 1.5 {
             0.0
@@ -320,7 +321,7 @@ impl Tree {
         }
     }
 
-    /// Angle from one node's buds to the next, rad. Own: two ranks become a spiral along the upright stem.
+    /// Angle from the buds of one node to those of the next, rad. Own: along the upright stem two ranks become a spiral.
     fn divergence(&self, order: usize) -> f32 {
         if self.habit.buds > 1.5 {
             std::f32::consts::FRAC_PI_2
@@ -331,8 +332,8 @@ impl Tree {
         }
     }
 
-    /// Frame of a side shoot's base: turned away from the node by its angle, at the bud's azimuth. `deviation`:
-    /// deviation of that angle from the mean, in standard deviations.
+    /// Frame of the base of a side shoot: rotated away from the node by its angle, at the bud's azimuth. `deviation`: deviation
+    /// of that angle from the mean, in standard deviations.
     fn leaving_frame(&self, bud: &Bud, order: usize, season: &Season, deviation: f32) -> Quat {
         let q = self.nodes.q[bud.node as usize];
         let d = y_axis(q);
@@ -354,7 +355,7 @@ impl Tree {
         Quat::from_mat3(&glam::Mat3::from_cols(level, out, level.cross(out))).normalize()
     }
 
-    /// How far the angle at which an axis leaves its parent is from the mean, in standard deviations.
+    /// Deviation from the mean of the angle at which an axis leaves its parent, in standard deviations.
     pub(super) fn leaving_deviation(&self, axis_id: u64) -> f32 {
         PolarDraw::new(&mut self.draw(axis_id, Purpose::Leave)).normal()
     }
@@ -378,8 +379,8 @@ impl Tree {
         Some(Kink { about, angle })
     }
 
-    /// Adds the buds at the end of a new internode; returns the azimuth from its first to the next node's.
-    /// `length`: length of the whole shoot, m; `t`: position along it, 0..1.
+    /// Adds the buds at the end of a new internode; returns the difference in azimuth between its buds and those of the next
+    /// node. `length`: length of the whole shoot, m; `t`: position along it, 0..1.
     fn add_buds(&mut self, node: usize, id: u64, length: f32, t: f32, last: bool) -> f32 {
         let habit = &self.habit;
         let order = usize::from(self.nodes.order[node]);
@@ -393,8 +394,8 @@ impl Tree {
         let alive = f64::from(habit.bud_break[order]);
         let (count, chance, spacing) = if whorled {
             if last && length > LONG_ENOUGH[1] * habit.short_shoot {
-                // Strong leaders make full whorls; the number of branches is proportional to the square root of the
-                // relative length.
+                // Strong leaders make full whorls: the number of branches is proportional to the square root of the relative
+                // length.
                 let size = (length / habit.shoot_max[order]).sqrt().clamp(WHORL_LEAST, 1.0);
                 let count = super::habit::whole(habit.whorl[order] * size).clamp(1, 12);
                 (count, alive, std::f32::consts::TAU / f32::from(count))
@@ -409,7 +410,7 @@ impl Tree {
         let mut draw = self.draw(id, Purpose::Buds);
         let deviation = AZIMUTH_DEVIATION.to_radians();
         for slot in 0..count {
-            // Both draws happen for dead buds too, so that the fate of one bud does not change the next.
+            // Draw both numbers for dead buds too, so that the death of one bud does not change the next bud.
             let lives = draw.chance(chance);
             let jitter = PolarDraw::new(&mut draw);
             if lives {
@@ -431,8 +432,8 @@ fn internodes(length: f32, internode: f32) -> u16 {
     super::habit::whole((length / internode).ceil().max(1.0))
 }
 
-/// Sine and cosine of the elevation that an axis of an order turns to. `deviation`: deviation of the angle at which it
-/// leaves its parent from the mean, in standard deviations.
+/// Sine and cosine of the elevation towards which an axis of an order turns. `deviation`: deviation from the mean of the angle at
+/// which it leaves its parent, in standard deviations.
 /// Own: an axis that leaves its parent at a wider angle than others stays lower than they do, by as much; axes near the vertical
 /// keep close to it. With one elevation for all, the limbs of a tree would become parallel.
 pub(super) fn axis_elevation(deviation: f32, order: usize, season: &Season) -> [f32; 2] {
@@ -447,7 +448,7 @@ pub(super) fn axis_elevation(deviation: f32, order: usize, season: &Season) -> [
     [(sine - lower * cosine) * per_length, ((cosine + lower * sine) * per_length).max(0.0)]
 }
 
-/// Two uniform draws, from which a pair of independent standard normal draws (Box-Muller) is computed only where it is needed.
+/// Two uniform draws, from which a pair of independent standard normal draws (Box-Muller) is computed only if it is needed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PolarDraw {
     /// Draw of the distance from the origin.
@@ -523,7 +524,7 @@ impl PolarDraw {
     }
 }
 
-/// The random factor on the length of a shoot, of mean 1.
+/// The random factor on the length of a shoot; its mean is 1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Chance {
     /// Its standard deviation.
@@ -533,8 +534,8 @@ pub(super) struct Chance {
 }
 
 impl Chance {
-    /// The length of a shoot of which `wanted` is the mean; 0 where it is less than `needed`. The normal draw is not computed where it
-    /// cannot reach that length.
+    /// The length of a shoot with the mean `wanted`; 0 if it is less than `needed`. The normal draw is not computed if it cannot
+    /// reach that length.
     pub fn length(self, wanted: f32, needed: f32, draw: &mut Rng) -> f32 {
         // Exceeds 1 by more than the rounding errors of both sides of the comparison.
         const SURE: f32 = 1.0001;
@@ -553,13 +554,13 @@ fn rotation(about: Vec3, angle: f32) -> Quat {
     Quat::from_xyzw(v.x, v.y, v.z, math::cos_f32(0.5 * angle))
 }
 
-/// How the internodes of a shoot turn: all terms but the random one are the same for each of them.
+/// Parameters of the turns of a shoot's internodes; only the random term differs from internode to internode.
 struct Turns {
     /// Standard deviation of the random turn's components.
     wander: f32,
     /// Share of the turn towards the elevation that one internode makes, 0..1.
     rise: f32,
-    /// Sine and cosine of the elevation to which the axis turns.
+    /// Sine and cosine of the elevation towards which the axis turns.
     elevation: [f32; 2],
     /// Direction of the light, times the phototropism and the length of an internode.
     light: Vec3,

@@ -1,4 +1,4 @@
-//! The place of a tree: sky, solids that stop its shoots, cuts.
+//! The place of a tree: sky, solids that stop its shoots, and cuts.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use osier_scene::solid::{Solid, Solids};
 
 /// Least distance of a shoot's bark from a solid, m.
 const CLEARANCE: f32 = 0.02;
-/// Share of a step that must be left after sliding along a solid; otherwise the axis ends.
+/// Share of a step that must remain after sliding along a solid; otherwise the axis ends.
 const LEAST_STEP: f32 = 0.3;
 
 /// Sky, sunlight and solids around the trees that grow in one field of light.
@@ -70,7 +70,7 @@ impl Prune {
     }
 }
 
-/// One internode as a growing shoot places it.
+/// One internode of a growing shoot.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
     /// Unit direction of the internode.
@@ -104,7 +104,7 @@ impl Obstacles<'_> {
             end.y = room.min(from.y);
             return Self::left(from, end, step);
         };
-        // Two rounds, for a corner of two surfaces.
+        // Two passes, for a corner of two surfaces.
         let mut met = false;
         for _ in 0..2 {
             let Some(near) = solids.near(self.base + end, room) else { break };

@@ -12,7 +12,7 @@ use osier_base::geometry::Bounds;
 use osier_base::limits::Limits;
 use osier_base::par::par_map_mut;
 
-/// Arrays are compacted once more than one in this many nodes has fallen.
+/// Arrays are compacted when more than one node in this many has fallen.
 const COMPACT_SHARE: usize = 4;
 
 /// Trees that share one field of light, with its sky and its solids.
@@ -23,14 +23,14 @@ pub(super) struct Stand<'a> {
     pub year: u32,
     site: &'a Site,
     sky: Vec<SkyDirection>,
-    /// Origin of the field of light in the scene: the base of one of the trees, so that a tree that is moved grows the same.
+    /// Origin of the field of light in the scene: the base of one of the trees, so that a moved tree grows in the same way.
     anchor: Vec3,
     limits: &'a Limits,
 }
 
 impl<'a> Stand<'a> {
     pub fn new(mut trees: Vec<Tree>, site: &'a Site, limits: &'a Limits) -> Self {
-        // The tree is chosen by its place, because the order of the list must not matter.
+        // Select the tree by its position, because the order of the list must not matter.
         let key = |t: &&Tree| (t.base.x, t.base.z, t.base.y);
         let first = trees.iter().min_by(|a, b| {
             let (a, b) = (key(a), key(b));
@@ -64,10 +64,10 @@ impl<'a> Stand<'a> {
         grown.into_iter().collect()
     }
 
-    /// The field of light from the leaves of last year.
+    /// Computes the field of light from the leaves of last year.
     fn light(&mut self) -> LightField {
         let solids = self.site.solids.as_deref();
-        // Box of all living wood, of neighbours and of solids that shade it.
+        // The box of all living wood, of neighbours, and of the solids that shade it.
         let mut bounds = Bounds::default();
         let mut heights = Vec::new();
         for tree in &self.trees {
@@ -83,7 +83,7 @@ impl<'a> Stand<'a> {
             bounds = Bounds { min: Vec3::ZERO, max: Vec3::ZERO };
         }
         let grid = Grid::over(with_shading_solids(bounds, solids, self.anchor));
-        // Neighbours shade until the year of the tree in which they are felled.
+        // Neighbours shade a tree until the year of its life in which they are felled.
         let mut areas = LeafAreas::new(grid);
         for (tree, height) in self.trees.iter().zip(&heights) {
             tree.deposit_leaves(&mut areas);
@@ -115,13 +115,13 @@ impl Tree {
         let season = Season::new(&self.habit, self.year);
         self.losses.clear();
 
-        // Cuts come first: only the wood that they leave receives light.
+        // Cuts come first, because only the remaining wood receives light.
         self.cut(&season);
         self.gather_light(field);
         self.sum_light(true);
         self.note_darkness();
 
-        // Wood on dead wood dies too; axes without a tip get a new leader; dormant buds wake for next year.
+        // Wood on dead wood dies too; axes without a tip get a new leader; dormant buds break, to shoot next year.
         self.shed_dead_wood();
         if self.replace_leaders(&season) {
             self.sum_light_again();
@@ -137,7 +137,7 @@ impl Tree {
         Ok(())
     }
 
-    /// A tree whose roots receive no light for two years is dead.
+    /// Counts successive years in which the roots receive no light; in the second such year the tree counts as dead.
     fn note_darkness(&mut self) {
         let nodes = &self.nodes;
         let roots = (0..nodes.len()).take_while(|i| nodes.parent[*i] == super::tree::NONE);

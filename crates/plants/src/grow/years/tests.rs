@@ -1,4 +1,4 @@
-//! Passes of a year by their closed forms, and what must not change: order, threads, age, place.
+//! Compares the passes of a year with closed forms, and tests that results do not depend on order, threads, age and place.
 
 use std::sync::Arc;
 
@@ -52,7 +52,7 @@ fn grow_one(spec: &TreeSpec) -> GrownTree {
     grown.pop().expect("one tree")
 }
 
-/// Everything that a tree holds of its nodes, as bits.
+/// The bits of all properties of a tree's nodes.
 fn bits(tree: &GrownTree) -> Vec<u32> {
     let nodes = &tree.tree.nodes;
     let stands = (0..nodes.len()).filter(|i| nodes.flags[*i] & flag::FALLEN == 0);
@@ -226,7 +226,7 @@ fn areas_of_pipes_add_up_at_forks() {
         sums[nodes.parent[i] as usize] += power(nodes.r[i]);
     }
     assert!(nodes.len() > 300);
-    // Wood that ended at the ground bears neither a tip nor a branch.
+    // Wood that ended at the ground has neither a tip nor a branch.
     let bears = |i: usize| nodes.lives(i) && (nodes.grows(i) || sums[i] > 0.0);
     for (i, sum) in sums.iter().enumerate().filter(|(i, _)| bears(*i)) {
         let tip = if nodes.grows(i) { power(spec.habit.tip_radius) } else { 0.0 };
@@ -246,7 +246,7 @@ fn a_cantilever_bends_as_a_beam_and_only_under_added_load() {
     let nodes: Vec<_> =
         (0..COUNT).map(|i| if i == 0 { (NONE, 0, false, at(i)) } else { (u32::from(i) - 1, 0, true, at(i)) }).collect();
     let mut tree = hand_made(&habit, &nodes);
-    // Wood laid without bending, as the first year of a shoot: its moment is known, so that it adds none.
+    // Wood laid down without bending, as in the first year of a shoot: its moment is stored, so that it adds no gain.
     tree.habit.set("sag", &[0.0]).expect("sets");
     tree.bend();
     tree.habit.set("sag", &[1.0]).expect("sets");
@@ -289,7 +289,7 @@ fn young_trees_bear_more_leaves_along_their_shoots_and_old_ones_as_many() {
         tree.habit.set("maturity", &[8.0, 14.0]).expect("sets");
         grow_one(&tree).measures().leaf_area
     };
-    // The first four years bear thrice as many; what grows after the fourteenth bears as many as without.
+    // The first four years bear three times as many leaves; wood after the fourteenth year bears as many as without the key.
     let (plain, young) = (area(1.0, 4.0), area(3.0, 4.0));
     assert!(young > 1.5 * plain, "{plain} {young}");
     let (plain, young) = (area(1.0, 18.0), area(3.0, 18.0));
@@ -309,7 +309,7 @@ fn late_stems_sprout_in_their_years_and_grow_in_the_shade_of_others() {
     for (tree, age) in row.iter().zip([1.0, 8.0, 20.0]) {
         assert_eq!(bits(tree), bits(&grow_one(&TreeSpec { age, ..bush.clone() })), "{age}");
     }
-    // The late ones live on what the stool has stored: a shoot of at least 0.2 m a year, five years long.
+    // The late stems live on the reserves of the older stems: a shoot of at least 0.2 m a year, for five years.
     let last = &row[2].tree.nodes;
     let late: Vec<u32> = (0..10).filter(|i| last.birth[*i as usize] > 0.0).collect();
     for stem in late {
@@ -392,7 +392,7 @@ fn leaves_come_and_go_over_a_part_of_a_year() {
     };
     let [before, start, half, end, after] = [9.0, 9.001, 9.5, 9.999, 10.0].map(leaves);
     let kept = |later: &std::collections::BTreeSet<u64>| before.intersection(later).count();
-    // Only what lost its light in the tenth year is missing at its start.
+    // At its start only leaves that lost their light in the tenth year are missing.
     assert!(kept(&start) * 10 > before.len() * 6, "{} of {}", kept(&start), before.len());
     assert!((start.len() - kept(&start)) * 10 < before.len(), "{} new leaves", start.len() - kept(&start));
     assert!(kept(&half) < kept(&start) && kept(&end) < kept(&half), "leaves fall over the year");
@@ -413,7 +413,7 @@ fn too_many_nodes_are_refused_before_they_are_made() {
 
 #[test]
 fn hard_cases_end_without_faults() {
-    // Sixty stems of six orders, a seed of five weeks, a cut that takes all, a tree in the dark.
+    // Sixty stems of six orders, a seed of five weeks, a cut that takes all wood, and a tree in the dark.
     let mut bush = spec(8.0);
     for (key, value) in [("stems", 60.0), ("levels", 6.0), ("stem_spread", 1.0), ("tilt", 40.0)] {
         bush.habit.set(key, &[value]).expect("sets");
@@ -488,7 +488,7 @@ fn a_dead_tip_gets_a_new_leader() {
     assert!((tree.scratch.main[1] - 2.0).abs() < 1e-6 && (tree.scratch.side[1] - 1.0).abs() < 1e-6);
 }
 
-/// Where a side bud takes over from the tip of the stem, the stem bends over several internodes; a branch bends at one.
+/// If a side bud takes over from the tip of the stem, the stem bends over several internodes; a branch bends at one.
 #[test]
 fn relays_bend_the_stem_over_several_internodes() {
     let mut spec = spec(6.0);
@@ -545,7 +545,7 @@ fn limbs_that_leave_at_wider_angles_stay_lower() {
     habit.set("elevation", &[84.0]).expect("sets");
     let (mean, spread) = deviation(&elevations(&habit));
     assert!((mean - 84.0).abs() < 0.5 && spread < 2.0, "{mean} {spread}");
-    // And limbs do grow so: between stem and end they rise at different angles.
+    // Grown limbs also differ: they rise at different angles between stem and end.
     let mut spec = spec(20.0);
     for (key, value) in [("angle_var", 15.0), ("elevation_rate", 0.5), ("wander", 0.0), ("phototropism", 0.0)] {
         spec.habit.set(key, &[value]).expect("sets");
@@ -562,7 +562,7 @@ fn limbs_that_leave_at_wider_angles_stay_lower() {
     assert!(rises.len() > 5 && spread > 6.0, "{mean} {spread} {}", rises.len());
 }
 
-/// Crown lifting cuts what hangs below the clear stem, and leaves the limbs that rise above it.
+/// Crown lifting removes wood that hangs below the clear stem, and keeps the limbs that rise above it.
 #[test]
 fn crown_lifting_spares_rising_limbs() {
     const LIMBS: u16 = 20;
@@ -593,7 +593,7 @@ fn crown_lifting_spares_rising_limbs() {
 
 #[test]
 fn a_cut_wakes_dormant_buds() {
-    // Most of the crown is cut off, so that what is left has lost more than half of its light.
+    // A large part of the crown is cut off, so that the rest has lost more than half of its light.
     let cut_to = |reach: f32| {
         let keep = Keep::Box { min: Vec3::new(-reach, -1.0, -reach), max: Vec3::new(reach, 2.0, reach) };
         TreeSpec { prunes: vec![Prune { year: 16, every: 0, until: 0, keep }], ..spec(16.0) }
@@ -614,7 +614,7 @@ fn a_cut_wakes_dormant_buds() {
 }
 
 pub(super) fn leaf() -> OrganSpec {
-    // A square of 8 cm that stands for a blade.
+    // A square of 8 cm as a blade.
     let points: Vec<Vec3> =
         [(-0.5, 0.0), (0.5, 0.0), (0.5, 1.0), (-0.5, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec();
     let mesh = Mesh {

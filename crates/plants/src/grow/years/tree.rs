@@ -12,7 +12,7 @@ use osier_base::rng::{Rng, child, mix64, word};
 
 /// Missing index: the parent of a root, the new index of a removed node.
 pub(super) const NONE: u32 = u32::MAX;
-/// Length of the internode that a tree grows from, m.
+/// Length of the internode from which a tree grows, m.
 const SEED_LENGTH: f32 = 0.05;
 /// Share of the stems that sprout in the first year if others sprout later. Own.
 const SPROUT_AT_ONCE: f32 = 0.4;
@@ -21,7 +21,7 @@ const GOLDEN_SHARE: f32 = 0.618_034;
 
 /// Marks of an internode, as bits of its `flags`.
 pub(super) mod flag {
-    /// Its tip is open: it bears leaves and may grow on.
+    /// The tip is open: it bears leaves and may grow on.
     pub const OPEN: u8 = 1;
     /// Its tip made a short shoot last year.
     pub const SHORT: u8 = 2;
@@ -54,7 +54,7 @@ pub(super) enum Purpose {
     Lift = 8,
 }
 
-// One list of fields makes the columns and the row, so that no column can be forgotten in `push` and `keep`.
+// One list of fields defines the columns and the row, so that `push` and `keep` cannot omit a column.
 macro_rules! columns {
     ($(#[$doc:meta])* $name:ident / $row:ident { $($(#[$field_doc:meta])* $field:ident: $kind:ty,)* }) => {
         $(#[$doc])*
@@ -95,7 +95,7 @@ columns! {
         order: u8,
         /// Marks, see [`flag`].
         flags: u8,
-        /// Number of dormant buds that may still break here.
+        /// Number of dormant buds that may still break at this node.
         dormant: u8,
         /// Number of dormant buds that have woken so far.
         woken: u8,
@@ -111,9 +111,9 @@ columns! {
         length: f32,
         /// Radius of the internode, m, from the pipe model.
         r: f32,
-        /// r^n, the area of its pipes.
+        /// r^n, the pipe area of the internode.
         area: f32,
-        /// Area of the pipes of dead wood above that remains in the wood, by `pipe_memory`.
+        /// Pipe area of dead wood above that remains in this wood, by `pipe_memory`.
         lost: f32,
         /// Length of the path from the root to its end, m.
         path: f32,
@@ -121,15 +121,15 @@ columns! {
         s: f32,
         /// Moment of last year's weight about its base, N m.
         moment: f32,
-        /// Year and fraction in which it was complete.
+        /// Time at which the internode was complete, years of the tree's life.
         birth: f32,
         /// Azimuth of its first bud, rad.
         azimuth: f32,
         /// Light at its end at the last examination; only for nodes with dormant buds.
         light: f32,
-        /// Light that its living tips and buds receive, in fully lit tips.
+        /// Light that its living tips and buds receive, relative to a fully lit tip.
         gathered: f32,
-        /// Vigour that it receives in a year, in fully lit tips.
+        /// Vigour that it receives in a year, relative to a fully lit tip.
         vigour: f32,
     }
 }
@@ -190,7 +190,7 @@ fn keep_ranges<T: Copy>(column: &mut Vec<T>, ranges: &[Range<usize>]) {
 /// A bud that shoots once it receives light, or becomes dormant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bud {
-    /// Node whose end it sits at.
+    /// Node at whose end the bud sits.
     pub node: u32,
     /// Azimuth about the node, rad.
     pub azimuth: f32,
@@ -198,11 +198,11 @@ pub(super) struct Bud {
     pub slot: u8,
     /// Years without light.
     pub age: u8,
-    /// Light that it receives, in fully lit tips.
+    /// Light that it receives, relative to a fully lit tip.
     pub gathered: f32,
 }
 
-/// Intermediate results of a year by node, which later passes read; kept to save their allocation.
+/// Intermediate results of a year by node, which later passes read; the buffers are reused from year to year.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
     /// Cell of the light field, for nodes with an open tip or buds.
@@ -211,7 +211,7 @@ pub(super) struct Scratch {
     pub main: Vec<f32>,
     /// Light of all other children and buds.
     pub side: Vec<f32>,
-    /// Length of living wood from its base on, m.
+    /// Length of living wood above the base of the internode, m.
     pub wood: Vec<f32>,
     /// Length of the stretch without leaves and forks that begins at its end, m; negative if it is a fork.
     pub bare: Vec<f32>,
@@ -224,10 +224,10 @@ pub(super) struct Scratch {
     pub area: Vec<f32>,
     /// Length of the axis beyond its end, m.
     pub beyond: Vec<f32>,
-    /// First moments along x and z and (y) the mass of the wood from its base on; finally only the moments about its
-    /// base.
+    /// First moments along x and z, and (y) the mass, of the wood above the base of the internode; finally only the moments about
+    /// that base.
     pub weight: Vec<Vec3>,
-    /// Rotation of the year, by bending and righting, from the root to the node.
+    /// Rotation by bending and righting in this year, accumulated from the root to the node.
     pub turn: Vec<Quat>,
 }
 
@@ -251,13 +251,13 @@ pub(super) struct CutThrough {
     pub length: f32,
 }
 
-/// Part of a year at which a clip shows that branches and leaves fall and that wood is cut, all of which belongs to the beginning of the
-/// year: the leaves of the new year have half of their size by then. With a smaller value crowns thin out in between,
-/// with a larger one they become too dense.
+/// Part of a year at which a clip shows that branches and leaves fall and that wood is cut, which the model does at the beginning
+/// of the year: by then the leaves of the new year have half of their size. With a smaller value crowns thin out in between, with
+/// a larger one they become too dense.
 pub(super) const FALL_DELAY: f32 = 0.15;
 
 impl CutThrough {
-    /// Age of the tree at which a clip shows the cut, years: it is made at the beginning of its year.
+    /// Age of the tree at which a clip shows the cut, years; the model makes it at the beginning of its year.
     pub fn time(&self) -> f32 {
         f32::from(self.year) - 1.0 + FALL_DELAY
     }
@@ -283,14 +283,14 @@ pub(super) struct Tree {
     pub part: f32,
     pub nodes: Nodes,
     pub axis_ids: Vec<u64>,
-    /// Sine and cosine of the elevation that each axis turns to, by index as [`Self::axis_ids`].
+    /// Sine and cosine of the elevation towards which each axis turns, by index as [`Self::axis_ids`].
     pub axis_elevations: Vec<[f32; 2]>,
     pub buds: Vec<Bud>,
     pub neighbours: Option<Neighbours>,
     pub prunes: Vec<Prune>,
     /// Number of nodes marked as fallen that are still in the arrays.
     pub fallen: usize,
-    /// Years in a row without any light.
+    /// Number of successive years without any light.
     pub dark: u8,
     /// Year of its life that was the first of two without light, after which it died.
     pub died: Option<u32>,
@@ -315,7 +315,7 @@ impl Tree {
         self.cuts[first..].iter().take_while(move |cut| cut.node as usize == i)
     }
 
-    /// `year` in the type in which nodes store the year of their death.
+    /// `year` in the integer type in which nodes store the year of their death.
     pub(super) fn stored_year(&self) -> u16 {
         // Ages end at 500 years (key `age`), far below the year 65,535, which marks a node that has not fallen.
         u16::try_from(self.year).unwrap_or(u16::MAX - 1)
@@ -430,11 +430,11 @@ impl Tree {
         child(self.axis_ids[self.nodes.axis[i] as usize], u64::from(self.nodes.index[i]))
     }
 
-    /// One-sided area of the leaves that a node bears, m2: those of its open tip, and those along a young internode.
+    /// One-sided area of the leaves that a node bears, m2: leaves of its open tip, and leaves along a young internode.
     #[inline]
     pub fn leaf_area(&self, i: usize) -> f32 {
         let habit = &self.habit;
-        // Species without leaves along shoots have only those of open tips.
+        // Species without leaves along shoots bear leaves only at open tips.
         let open = self.nodes.flags[i] & flag::OPEN != 0;
         let tip = if open { habit.leaf_area_tip * self.share_at_tip(i) } else { 0.0 };
         let along = self.share_along(i);
@@ -445,15 +445,15 @@ impl Tree {
         }
     }
 
-    /// Share of the leaves of an open tip that have unfolded, 0 to 1; below 1 only on an axis that begins in a year
-    /// that is shown in part.
+    /// Share of the leaves of an open tip that have unfolded, 0 to 1; below 1 only on an axis that begins in a year that is shown
+    /// in part.
     #[inline]
     pub fn share_at_tip(&self, i: usize) -> f32 {
         if self.part < 1.0 && self.begins_this_year(i) { self.part } else { 1.0 }
     }
 
-    /// Share of the leaves along an internode that it still bears, 0 to 1: leaves that it loses in a year that is shown
-    /// in part fall over that year.
+    /// Share of the leaves along an internode that it still bears, 0 to 1: leaves that it loses in a year that is shown in part
+    /// fall over that year.
     #[inline]
     pub fn share_along(&self, i: usize) -> f32 {
         let year = self.year as f32;
@@ -503,7 +503,7 @@ impl Tree {
                 }
             }
         }
-        // The indices are renumbered before the rows move. NONE lies beyond the array, so that roots keep it.
+        // Renumber the indices before the rows move. NONE lies beyond the array, so that roots keep it.
         for parent in &mut nodes.parent {
             if let Some(new) = new_index.get(*parent as usize) {
                 *parent = *new;
@@ -511,7 +511,7 @@ impl Tree {
         }
         nodes.keep(&ranges);
         let index_of = |node: u32| new_index.get(node as usize).copied().unwrap_or(NONE);
-        // Buds of removed nodes go with them.
+        // Buds of removed nodes are removed too.
         self.buds.retain_mut(|bud| {
             bud.node = index_of(bud.node);
             bud.node != NONE

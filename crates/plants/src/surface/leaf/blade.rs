@@ -191,7 +191,7 @@ fn triangulate_blade(outline: &BladeOutline, detail: BladeDetail) -> BladeTriang
 
 /// The cells of one half: up the midrib, out along the upper vein, back along the margin, in along the lower vein.
 fn add_half(
-    flat: &mut BladeTriangulation,
+    triangulation: &mut BladeTriangulation,
     outline: &BladeOutline,
     half: &BladeHalf,
     midrib: &[u32],
@@ -209,7 +209,7 @@ fn add_half(
         .map(|(i, p)| match i {
             0 => base,
             i if i == last => tip,
-            _ => flat.push(*p),
+            _ => triangulation.push(*p),
         })
         .collect();
     // Lower bounds of the current cell: index on the midrib, index on the margin, and the vein between them from the
@@ -217,9 +217,9 @@ fn add_half(
     let (mut from, mut along, mut below): (usize, usize, Vec<u32>) = (0, 0, Vec::new());
     for vein in &half.veins {
         let root = outline.midrib.partition_point(|y| *y < vein.root.y);
-        let above: Vec<u32> = vein_points.iter().map(|t| flat.push(vein.point(*t))).collect();
+        let above: Vec<u32> = vein_points.iter().map(|t| triangulation.push(vein.point(*t))).collect();
         let line: Vec<u32> = [midrib[root]].iter().chain(&above).chain(&[margin[vein.at]]).copied().collect();
-        flat.creases.extend(line.windows(2).map(|w| edge(w[0], w[1])));
+        triangulation.creases.extend(line.windows(2).map(|w| edge(w[0], w[1])));
         let corners: Vec<u32> = midrib[from..=root]
             .iter()
             .chain(&above)
@@ -227,13 +227,13 @@ fn add_half(
             .chain(below.iter().rev())
             .copied()
             .collect();
-        flat.add_cell(&corners, reversed);
+        triangulation.add_cell(&corners, reversed);
         (from, along, below) = (root, vein.at, above);
     }
     // Without side veins this is the only cell: the midrib begins with the base, which is left out of the margin.
     let back = margin[along..last].iter().rev().filter(|i| **i != base);
     let corners: Vec<u32> = midrib[from..].iter().chain(back).chain(below.iter().rev()).copied().collect();
-    flat.add_cell(&corners, reversed);
+    triangulation.add_cell(&corners, reversed);
 }
 
 /// Bends a point of the flat blade into space. The midrib is an arc of `curl`; both halves are folded up along it, their margins

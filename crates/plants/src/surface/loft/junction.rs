@@ -56,7 +56,7 @@ impl Cone {
         );
         let t = if qa > 1e-6 { ((qb * qb - qa * qc).max(0.0).sqrt() - qb) / qa } else { 0.0 };
         let radial = math::normalize_or(wp + dp * t, dir) - self.along * self.growth;
-        ConeExit { t, z: (wz + t * dz) / self.length, normal: radial * self.normal_scale }
+        ConeExit { t, ring_fraction: (wz + t * dz) / self.length, normal: radial * self.normal_scale }
     }
 }
 
@@ -73,7 +73,7 @@ struct ConeExit {
     /// Parameter of the line.
     t: f32,
     /// Position between the rings: 0 at the lower one, 1 at the upper one.
-    z: f32,
+    ring_fraction: f32,
     /// Unit normal of the cone.
     normal: Vec3,
 }
@@ -113,9 +113,9 @@ impl<'a> ParentTube<'a> {
         // lies.
         let mut exit = cone.exit(x, dir);
         for _ in 0..5 {
-            match exit.z {
-                z if z < -1e-4 && k > self.lowest => k -= 1,
-                z if z > 1.0001 && k < last => k += 1,
+            match exit.ring_fraction {
+                f if f < -1e-4 && k > self.lowest => k -= 1,
+                f if f > 1.0001 && k < last => k += 1,
                 _ => break,
             }
             let Some(cone) = self.cone(k) else { break };

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use super::Model;
 use super::emit::append_code;
+use super::execution_path::{ExecutionPath, Step};
 use super::expression::{PyExpr, PyOp};
 use super::refusal::Refusal;
 use super::resolve::compile;
 use super::scope::has_random;
 use super::statement::{Statement, Store, names_of, stores};
-use super::way::{Step, Way};
 use crate::code::{Bytecode, Op, UnaryOp};
 
 /// Appends a test and a placeholder for the jump that is taken if it is 0; returns the index of the placeholder.
@@ -56,14 +56,14 @@ impl LoopJumps {
     }
 }
 
-/// What takes a store back: the array, and the variables that hold the position and the element before.
+/// Code that undoes a store needs the array, and the variables that hold the position and the element before the store.
 struct UndoneStore {
     array: usize,
     index: u16,
     old: u16,
 }
 
-/// A `for` over a range as a `while` that counts.
+/// A `for` loop over a range, as a `while` loop that counts.
 pub(super) struct CountedLoop {
     /// Sets the counter and the end of the range: Python evaluates a range once, before the first iteration.
     pub begin: [Statement; 2],
@@ -93,27 +93,27 @@ impl Model<'_, '_> {
     }
 
     /// Code for the steps of an execution path: a block before the condition, and the condition.
-    pub(super) fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
+    pub(super) fn path_code(&mut self, path: &ExecutionPath) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
         // If the path has only conditions without random numbers, join them in one expression.
         let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
-        if way.steps.iter().all(is_plain) {
+        if path.steps.iter().all(is_plain) {
             let test = |s: &Step| match s {
                 Step::Condition(e, true) => Some(e.clone()),
                 Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
                 Step::Assign(..) | Step::Loop(..) | Step::Store(..) => None,
             };
-            let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
+            let all = path.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
             return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
         }
         // Otherwise a block computes everything in order, and a variable stores whether all conditions held. All paths must
         // draw the same random numbers, because they represent the same run of Python.
         let result = self.scope.local("(applies)");
         let mut ops = vec![Op::RestartDraws];
-        // Jumps of conditions that fail, each with the number of stores before it: these are taken back.
+        // Jumps of failing conditions, each with the number of stores made before it, which must be undone.
         let mut failures = Vec::new();
         let mut undone = Vec::new();
         let mut stored_in_loop: Option<Range<usize>> = None;
-        for step in &way.steps {
+        for step in &path.steps {
             let (e, store) = match step {
                 Step::Assign(name, e) => (e, Some(name)),
                 Step::Condition(e, _) => (e, None),
@@ -150,14 +150,15 @@ impl Model<'_, '_> {
             }
         }
         // So far the variables are local: only the path that is taken changes those of the model.
-        for name in way.written() {
+        for name in path.written() {
             let (local, global) = (self.scope.local(name), self.scope.global(name));
             ops.extend([Op::Local(local), Op::StoreGlobal(global)]);
         }
-        ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
+        ops.extend([Op::Const(if path.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
         let jump = ops.len();
         ops.push(Op::Pop);
-        // A condition that fails after some stores continues where the last of them is taken back.
+        // A condition that fails after some stores jumps to the code that undoes the last of them; that code continues with the
+        // earlier ones.
         for count in (0..=undone.len()).rev() {
             for (at, _) in failures.iter().filter(|(_, before)| *before == count) {
                 ops[*at] = Op::JumpIfZero(ops.len());
@@ -172,7 +173,8 @@ impl Model<'_, '_> {
         Ok((Some(self.bytecode(ops)), Some(condition)))
     }
 
-    /// Appends the store of an item of a list that productions change, and what takes it back; `None` for a name that is no such list.
+    /// Appends the store of an item of a list that productions change. Returns the variables for undoing it; `None` for a name
+    /// that is no such list.
     fn store_code(&mut self, store: &Store, ops: &mut Vec<Op>) -> Result<Option<UndoneStore>, Refusal> {
         let Some(own) = self.scope.arrays.get(&store.list).cloned() else { return Ok(None) };
         let [index_name, old_name] = ["at", "old"].map(|word| format!("({word} {})", self.temporaries));
@@ -181,7 +183,8 @@ impl Model<'_, '_> {
         let at = compile(&self.position_of(store)?, &self.scope)?;
         append_code(ops, &at.ops);
         let (index, old) = (self.scope.local(&index_name), self.scope.local(&old_name));
-        // The present element, for a condition behind that fails; one behind the last item is none.
+        // Save the present element, so that a later condition that fails can restore it; beyond the last item there is no element
+        // to save.
         ops.extend([Op::StoreLocal(index), Op::Local(index), Op::LoadElement(own.number), Op::StoreLocal(old)]);
         ops.push(Op::Local(index));
         append_code(ops, &value.ops);
@@ -195,7 +198,7 @@ impl Model<'_, '_> {
         let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
         let calls = ops.iter().any(|op| matches!(op, Op::Call(_)));
         let functions = calls.then(|| Arc::clone(&self.scope.run_code));
-        // Places of calls follow those of the loops.
+        // In the list of places, those of calls follow those of loops: shift their indices.
         for op in &mut ops {
             if let Op::Table(_, place) = op {
                 *place = place.saturating_add(places.len());

@@ -1,9 +1,10 @@
-//! Finds the execution paths (ways) through the statements of a production, in the order in which Python would take them.
+//! Finds the execution paths through the statements of a production, in the order in which Python would take them.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Model;
+use super::execution_path::{ExecutionPath, MAX_STEPS, OpenPath, Step, on_path, with_known};
 use super::expression::{
     PyExpr, first_call, is_change, is_dictionary, is_joined_text, is_object, is_written_out, model_name, range_of,
 };
@@ -17,12 +18,11 @@ use super::statement::{
     Statement, Store, call_in, changes, names_of, read_name, renamed, sets_anew, stores, with_lists, without_call,
 };
 use super::strings::PyModule;
-use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way, with_known};
 use crate::code::is_zero;
 use crate::vm;
 
 /// Limit on the execution paths through one production.
-const MAX_WAYS: usize = 512;
+const MAX_PATHS: usize = 512;
 
 /// Limit on the calls of functions of statements on one execution path.
 const MAX_CALLS: usize = 256;
@@ -98,13 +98,13 @@ fn check_own_names(
     globals: &[String],
     function: &str,
     place: &Range<usize>,
-    way: &Way,
+    path: &ExecutionPath,
     left: &[Statement],
 ) -> Result<(), Refusal> {
     let (assigned, declared) = names_of(left);
     let is_own = |name: &&String| {
-        let is_set = way.known.contains_key(*name) || way.lists.contains_key(*name) || assigned.contains(name);
-        is_set && !way.globals.contains(name) && !declared.contains(name)
+        let is_set = path.known.contains_key(*name) || path.lists.contains_key(*name) || assigned.contains(name);
+        is_set && !path.globals.contains(name) && !declared.contains(name)
     };
     let Some(name) = globals.iter().find(is_own) else { return Ok(()) };
     let why = format!("a call of '{function}', which changes a '{name}' that this production has, too");
@@ -114,18 +114,20 @@ fn check_own_names(
 
 impl Model<'_, '_> {
     /// All execution paths through statements, in the order in which Python would try them.
-    pub(super) fn ways(&mut self, statements: &[Statement]) -> Result<Vec<Way>, Refusal> {
+    pub(super) fn execution_paths(&mut self, statements: &[Statement]) -> Result<Vec<ExecutionPath>, Refusal> {
         let mut out = Vec::new();
         let mut work = 0;
-        let mut open = vec![OpenWay { way: Way::default(), left: statements.iter().rev().cloned().collect() }];
+        let mut open =
+            vec![OpenPath { path: ExecutionPath::default(), left: statements.iter().rev().cloned().collect() }];
         while let Some(mut now) = open.pop() {
-            let too_many = out.len() + open.len() > MAX_WAYS || now.way.steps.len() + now.left.len() > MAX_STEPS;
-            if too_many || now.way.modules.len() > MAX_MODULES {
-                return Err(Refusal::new("a production with too many ways through it", now.way.range()));
+            let too_many = out.len() + open.len() > MAX_PATHS || now.path.steps.len() + now.left.len() > MAX_STEPS;
+            if too_many || now.path.modules.len() > MAX_MODULES {
+                return Err(Refusal::new("a production with too many ways through it", now.path.range()));
             }
-            work += STATEMENT_WORK + now.way.known.len();
+            work += STATEMENT_WORK + now.path.known.len();
             if work > MAX_WORK {
-                let why = Refusal::new("a production with too many statements on all ways through it", now.way.range());
+                let why =
+                    Refusal::new("a production with too many statements on all ways through it", now.path.range());
                 return Err(why.remedy("write fewer independent 'if's before a loop, or fewer turns of the loop"));
             }
             let ended = match now.left.pop() {
@@ -142,19 +144,19 @@ impl Model<'_, '_> {
     fn follow(
         &mut self,
         statement: Statement,
-        mut now: OpenWay,
-        open: &mut Vec<OpenWay>,
-    ) -> Result<Option<Way>, Refusal> {
-        if self.call(&statement, &mut now.way, &mut now.left)? {
+        mut now: OpenPath,
+        open: &mut Vec<OpenPath>,
+    ) -> Result<Option<ExecutionPath>, Refusal> {
+        if self.call(&statement, &mut now.path, &mut now.left)? {
             open.push(now);
             return Ok(None);
         }
         // Find the lists that the assignment shares by name, before the names are replaced by lists.
-        let handed_on = self.handed_on(&statement, &now.way)?;
-        self.note_objects_of(&statement, &mut now.way);
-        match with_lists(statement, &now.way.lists) {
+        let handed_on = self.handed_on(&statement, &now.path)?;
+        self.note_objects_of(&statement, &mut now.path);
+        match with_lists(statement, &now.path.lists) {
             Statement::Pass | Statement::TurnEnd | Statement::LoopEnd => {}
-            Statement::Global(names) => now.way.globals.extend(names),
+            Statement::Global(names) => now.path.globals.extend(names),
             Statement::Stop(place) => {
                 let why = Refusal::new("'Stop()' in a production", place);
                 return Err(why.remedy(
@@ -188,10 +190,10 @@ impl Model<'_, '_> {
             Statement::Assign(name, e) => self.assign(name, e, &handed_on, &mut now),
             Statement::Store(store) => self.store(store, &mut now)?,
             Statement::Produce(modules, ends) => {
-                self.produce(&mut now.way, &modules, ends);
+                self.produce(&mut now.path, &modules, ends);
                 if ends {
-                    now.way.produced = true;
-                    return Ok(Some(now.way));
+                    now.path.produced = true;
+                    return Ok(Some(now.path));
                 }
             }
             Statement::If(tests, other) => {
@@ -217,61 +219,62 @@ impl Model<'_, '_> {
     }
 
     /// Assigns a value or a list to a variable of a path.
-    fn assign(&mut self, name: String, e: PyExpr, handed_on: &HandedOn, now: &mut OpenWay) {
-        // A string composed at run time has no value here; an expression that needs one is refused where it reads the name.
+    fn assign(&mut self, name: String, e: PyExpr, handed_on: &HandedOn, now: &mut OpenPath) {
+        // A string composed at run time has no value that a variable could hold; an expression that needs one is refused where it
+        // reads the name.
         if is_joined_text(&e) {
-            now.way.known.remove(&name);
-            now.way.lists.insert(name, e);
+            now.path.known.remove(&name);
+            now.path.lists.insert(name, e);
             return;
         }
-        let list = self.list_of(&e, &now.way).filter(|_| !now.way.globals.contains(&name));
+        let list = self.list_of(&e, &now.path).filter(|_| !now.path.globals.contains(&name));
         if let Some(list) = list {
             let mut taken = Vec::new();
-            let mut list = self.kept(&list, &now.way, &mut taken);
-            // A changing list gets no new name for each change.
+            let mut list = self.kept(&list, &now.path, &mut taken);
+            // The changes of a list need no new name for the list.
             if !is_change(&e) {
                 list = self.named_list(list, &mut format!("(list of {})", self.temporaries));
                 self.temporaries += 1;
-                now.way.shared_lists.remove(&name);
+                now.path.shared_lists.remove(&name);
             }
-            self.share_lists(&name, handed_on, &mut now.way);
-            now.way.lists.insert(name, list);
+            self.share_lists(&name, handed_on, &mut now.path);
+            now.path.lists.insert(name, list);
             now.run_next(taken);
             return;
         }
         // For a choice of lists or dictionaries, as in `p = q[k]`, evaluate the index now, because it may change before the
         // name is read.
-        if let Some((taken, choice)) = self.one_of_lists(&e, &now.way) {
-            now.way.known.remove(&name);
-            now.way.lists.insert(name, choice);
+        if let Some((taken, choice)) = self.one_of_lists(&e, &now.path) {
+            now.path.known.remove(&name);
+            now.path.lists.insert(name, choice);
             now.run_next(vec![taken]);
             return;
         }
-        now.way.lists.remove(&name);
-        let value = self.known_value(&e, &now.way);
+        now.path.lists.remove(&name);
+        let value = self.known_value(&e, &now.path);
         let e = value.filter(|_| self.calls_function(&e)).map_or(e, PyExpr::Number);
-        now.way.known.insert(name.clone(), value);
-        now.way.bounds.assign(&name, &e, &self.scope);
-        now.way.steps.push(Step::Assign(name, e));
+        now.path.known.insert(name.clone(), value);
+        now.path.bounds.assign(&name, &e, &self.scope);
+        now.path.steps.push(Step::Assign(name, e));
     }
 
     /// Sets an item of a list that productions change.
-    fn store(&mut self, store: Store, now: &mut OpenWay) -> Result<(), Refusal> {
+    fn store(&mut self, store: Store, now: &mut OpenPath) -> Result<(), Refusal> {
         let value = &store.value;
-        if let Some(list) = self.list_of(value, &now.way)
+        if let Some(list) = self.list_of(value, &now.path)
             && let Some(stores) = self.row_stores(&store, &list)?
         {
             now.run_next(stores.into_iter().map(Statement::Store).collect());
             return Ok(());
         }
-        if self.list_of(value, &now.way).is_some() || is_dictionary(value) || is_joined_text(value) {
+        if self.list_of(value, &now.path).is_some() || is_dictionary(value) || is_joined_text(value) {
             let list = &store.list;
             let why =
                 format!("something other than a number as an item of the list '{list}', which productions change");
             let why = Refusal::new(why, range_of(value));
             return Err(why.remedy("keep each coordinate of points in a list of its own"));
         }
-        // Index and value are taken now, as those of assignments are.
+        // Evaluate index and value now, like the values of assignments, because their variables may change later.
         let is_plain = |e: &PyExpr| match e {
             PyExpr::Number(_) | PyExpr::Name(..) | PyExpr::Text(..) => true,
             PyExpr::List(both, _) => both.iter().all(|e| matches!(e, PyExpr::Number(_) | PyExpr::Name(..))),
@@ -294,7 +297,7 @@ impl Model<'_, '_> {
         let value = kept(store.value);
         let store = Store { index, value, ..store };
         if taken.is_empty() {
-            now.way.steps.push(Step::Store(store));
+            now.path.steps.push(Step::Store(store));
         } else {
             taken.push(Statement::Store(store));
             now.run_next(taken);
@@ -302,16 +305,16 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// The choice between lists or dictionaries that an index which is not known gives, and the assignment of the index to a variable of
-    /// this reader; `None` for any other expression.
-    fn one_of_lists(&mut self, e: &PyExpr, way: &Way) -> Option<(Statement, PyExpr)> {
+    /// For a list of lists or dictionaries with an index that is not known: the choice between its items, and the assignment of
+    /// the index to a temporary variable. `None` for any other expression.
+    fn one_of_lists(&mut self, e: &PyExpr, path: &ExecutionPath) -> Option<(Statement, PyExpr)> {
         let PyExpr::Index(list, index, place) = e else { return None };
         if matches!(**index, PyExpr::Call(..)) || !may_be_list(list, &self.scope) {
             return None;
         }
         let name = format!("(item {})", self.temporaries);
         let taken = PyExpr::Name(name.clone(), range_of(index));
-        let mut scope = self.scope_of(way);
+        let mut scope = self.scope_of(path);
         scope.locals.push(name.clone());
         let value = resolve(&PyExpr::Index(list.clone(), Box::new(taken), place.clone()), &scope, 0).ok()?;
         if !is_choice_of_lists(&value) {
@@ -322,15 +325,20 @@ impl Model<'_, '_> {
     }
 
     /// The execution paths after an `if`, in the order of trial.
-    fn branches(&self, tests: Vec<(PyExpr, Vec<Statement>)>, other: Vec<Statement>, mut now: OpenWay) -> Vec<OpenWay> {
+    fn branches(
+        &self,
+        tests: Vec<(PyExpr, Vec<Statement>)>,
+        other: Vec<Statement>,
+        mut now: OpenPath,
+    ) -> Vec<OpenPath> {
         let mut out = Vec::new();
         for (test, then) in tests {
             // A constant test, such as one of a loop variable, leaves a single path, and so does a test that earlier
             // conditions decide. Tests that draw random numbers are always evaluated.
-            let test = with_known(&test, &now.way);
+            let test = with_known(&test, &now.path);
             let draws = has_random(&test, &self.scope);
-            let known = self.known_value(&test, &now.way).map(|value| !is_zero(value));
-            let known = known.or_else(|| now.way.bounds.decide(&test, &self.scope).filter(|_| !draws));
+            let known = self.known_value(&test, &now.path).map(|value| !is_zero(value));
+            let known = known.or_else(|| now.path.bounds.decide(&test, &self.scope).filter(|_| !draws));
             match known {
                 Some(false) => continue,
                 Some(true) => {
@@ -341,16 +349,16 @@ impl Model<'_, '_> {
                 None => {}
             }
             let mut taken = now.clone();
-            taken.way.steps.push(Step::Condition(test.clone(), true));
+            taken.path.steps.push(Step::Condition(test.clone(), true));
             taken.run_next(then);
-            if draws || taken.way.bounds.refine(&test, true, &self.scope) {
+            if draws || taken.path.bounds.refine(&test, true, &self.scope) {
                 out.push(taken);
             }
             // If one of the tests must hold, no other path remains.
-            if !draws && !now.way.bounds.refine(&test, false, &self.scope) {
+            if !draws && !now.path.bounds.refine(&test, false, &self.scope) {
                 return out;
             }
-            now.way.steps.push(Step::Condition(test, false));
+            now.path.steps.push(Step::Condition(test, false));
         }
         now.run_next(other);
         out.push(now);
@@ -359,15 +367,20 @@ impl Model<'_, '_> {
 
     /// If a statement calls a function of statements, inserts the function's statements before it, with its variables
     /// renamed, and replaces the call by a variable for the value. False if there is no such call.
-    pub(super) fn call(&mut self, s: &Statement, way: &mut Way, left: &mut Vec<Statement>) -> Result<bool, Refusal> {
+    pub(super) fn call(
+        &mut self,
+        s: &Statement,
+        path: &mut ExecutionPath,
+        left: &mut Vec<Statement>,
+    ) -> Result<bool, Refusal> {
         if self.bodies.is_empty() {
             return Ok(false);
         }
         let Some(call) = call_in(s, &|name| self.has_body(name)) else { return Ok(false) };
         let PyExpr::Call(function, args, place) = &call else { return Ok(false) };
         let Some((params, body)) = self.bodies.get(function).cloned() else { return Ok(false) };
-        way.calls += 1;
-        if way.calls > MAX_CALLS {
+        path.calls += 1;
+        if path.calls > MAX_CALLS {
             return Err(Refusal::new(
                 format!("more than {MAX_CALLS} calls of functions in a production"),
                 place.clone(),
@@ -380,22 +393,22 @@ impl Model<'_, '_> {
         names.retain(|name| !globals.contains(name));
         if !globals.is_empty() || stores(&body) || params.iter().any(|param| changes(&body, param)) {
             check_change_of_values(s, &call, function, place)?;
-            check_own_names(&globals, function, place, way, left)?;
+            check_own_names(&globals, function, place, path, left)?;
         }
         names.extend(params.iter().cloned());
         let number = self.temporaries;
         self.temporaries += 1;
         let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
-        // An object that the function changes is the caller's, so that it keeps the caller's name.
+        // An object that the function changes belongs to the caller: keep the caller's name for it.
         let mut is_same = vec![false; params.len()];
         for ((k, param), arg) in params.iter().enumerate().zip(&args) {
-            // So is a list that the caller has made and the function changes.
+            // The same applies to a list that the caller has made and that the function changes.
             let is_own_list = |name: &String| {
-                let list = way.lists.get(name).and_then(|list| self.list_of(list, way));
+                let list = path.lists.get(name).and_then(|list| self.list_of(list, path));
                 matches!(list, Some(PyExpr::List(..))) && changes(&body, param)
             };
             let value = if let PyExpr::Name(name, _) = arg {
-                let value = way.lists.get(name).or_else(|| self.scope.lists.get(name));
+                let value = path.lists.get(name).or_else(|| self.scope.lists.get(name));
                 value.filter(|e| is_object(e) || is_own_list(name)).map(|_| name)
             } else {
                 None
@@ -409,10 +422,10 @@ impl Model<'_, '_> {
             }
         }
         // If the production has variables with the names of values of the model, the function must still read the latter.
-        let others = self.scope.locals.iter().chain(way.known.keys()).chain(way.lists.keys());
+        let others = self.scope.locals.iter().chain(path.known.keys()).chain(path.lists.keys());
         let others: BTreeSet<&String> =
             others.filter(|name| !name.contains('(') && !names.contains(name) && read_name(&body, name)).collect();
-        let others: Vec<String> = others.into_iter().filter(|name| !way.globals.contains(name)).cloned().collect();
+        let others: Vec<String> = others.into_iter().filter(|name| !path.globals.contains(name)).cloned().collect();
         if let Some(name) = others.iter().find(|name| self.shared.contains(name)) {
             let why = format!("a call of '{function}', which reads a '{name}' that this production has, too");
             let why = Refusal::new(why, place.clone());
@@ -427,7 +440,7 @@ impl Model<'_, '_> {
             *next = without_call(next, &call, &value);
         }
         left.push(without_call(s, &call, &value));
-        // A call that is the whole statement needs no value.
+        // A call that is the whole statement needs no variable for its value.
         let is_run = matches!(s, Statement::Run(e) if *e == call);
         let result = Some(result).filter(|_| !is_run);
         left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
@@ -441,20 +454,20 @@ impl Model<'_, '_> {
     }
 
     /// Adds modules to a path. Their parameters are evaluated now, because variables may change afterwards.
-    fn produce(&mut self, way: &mut Way, modules: &[PyModule], ends: bool) {
+    fn produce(&mut self, path: &mut ExecutionPath, modules: &[PyModule], ends: bool) {
         for m in modules {
             let mut module = m.clone();
             // An unreadable list is refused where the successor is made.
             let is_spread =
                 |arg: &PyExpr| matches!(arg, PyExpr::Call(star, ..) if star == "*") || may_be_list(arg, &self.scope);
             if m.args.iter().any(is_spread)
-                && let Ok(spread) = spread(m, &self.scope_of(way))
+                && let Ok(spread) = spread(m, &self.scope_of(path))
             {
                 module.args = spread.args;
                 module.shape = Some(spread.shape);
             }
             for arg in &mut module.args {
-                let value = if self.calls_function(arg) { self.known_value(arg, way) } else { None };
+                let value = if self.calls_function(arg) { self.known_value(arg, path) } else { None };
                 if let Some(value) = value {
                     *arg = PyExpr::Number(value);
                 }
@@ -463,51 +476,52 @@ impl Model<'_, '_> {
                 let name = format!("(value {})", self.temporaries);
                 self.temporaries += 1;
                 let value = std::mem::replace(arg, PyExpr::Name(name.clone(), m.range.clone()));
-                way.steps.push(Step::Assign(name, value));
+                path.steps.push(Step::Assign(name, value));
             }
-            way.modules.push(module);
+            path.modules.push(module);
         }
     }
 
     /// The list or vector that an expression evaluates to; `None` for other values.
-    pub(super) fn list_of(&self, e: &PyExpr, way: &Way) -> Option<PyExpr> {
+    pub(super) fn list_of(&self, e: &PyExpr, path: &ExecutionPath) -> Option<PyExpr> {
         if matches!(e, PyExpr::List(..)) {
             return Some(e.clone());
         }
         let is_list = may_be_list(e, &self.scope)
-            && resolve(&in_way(e, way), &self.scope, 0).is_ok_and(|e| is_list_or_vector(&e));
+            && resolve(&on_path(e, path), &self.scope, 0).is_ok_and(|e| is_list_or_vector(&e));
         // The items keep the names of variables whose values are not known.
-        let list = is_list.then(|| resolve(&with_known(e, way), &self.scope_of(way), 0).ok()).flatten();
+        let list = is_list.then(|| resolve(&with_known(e, path), &self.scope_of(path), 0).ok()).flatten();
         list.filter(is_list_or_vector)
     }
 
     /// The scope of the production with the variables that a path has assigned.
-    fn scope_of(&self, way: &Way) -> Scope {
-        let own = way.known.keys().filter(|name| !self.scope.locals.contains(name));
+    fn scope_of(&self, path: &ExecutionPath) -> Scope {
+        let own = path.known.keys().filter(|name| !self.scope.locals.contains(name));
         let mut scope = self.scope.clone();
         scope.locals.extend(own.cloned());
         scope
     }
 
-    /// A list of numbers and of temporary variables, which the statements `taken` set, so that it may be read later.
-    pub(super) fn kept(&mut self, e: &PyExpr, way: &Way, taken: &mut Vec<Statement>) -> PyExpr {
+    /// The value of an expression in a form that may be read later: a list of numbers and of temporary variables, which the
+    /// statements `taken` set.
+    pub(super) fn kept(&mut self, e: &PyExpr, path: &ExecutionPath, taken: &mut Vec<Statement>) -> PyExpr {
         let is_kept = matches!(e, PyExpr::Name(name, _) if name.starts_with("(item "));
         if is_written_out(e) || is_kept {
             return e.clone();
         }
-        match self.list_of(e, way) {
+        match self.list_of(e, path) {
             Some(PyExpr::List(items, place)) => {
-                let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
+                let items = items.iter().map(|e| self.kept(e, path, taken)).collect();
                 return PyExpr::List(items, place);
             }
             Some(object) if is_object(&object) => {
                 let fields = fields_of(&object).unwrap_or_default();
                 let values = values_of(&object).unwrap_or_default();
-                let values = values.into_iter().map(|e| self.kept(e, way, taken)).collect();
+                let values = values.into_iter().map(|e| self.kept(e, path, taken)).collect();
                 return object_of(&fields, values, &range_of(&object));
             }
             Some(PyExpr::Call(kind, items, place)) => {
-                let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
+                let items = items.iter().map(|e| self.kept(e, path, taken)).collect();
                 return PyExpr::Call(kind, items, place);
             }
             _ => {}
@@ -519,8 +533,8 @@ impl Model<'_, '_> {
     }
 
     /// Value of an expression after the steps of a path; `None` if it depends on parameters.
-    pub(super) fn known_value(&self, e: &PyExpr, way: &Way) -> Option<f64> {
-        let code = compile(&in_way(e, way), &self.scope).ok()?;
+    pub(super) fn known_value(&self, e: &PyExpr, path: &ExecutionPath) -> Option<f64> {
+        let code = compile(&on_path(e, path), &self.scope).ok()?;
         vm::constant_value(&code).filter(|v| !v.is_nan())
     }
 

@@ -1,4 +1,4 @@
-//! A way, that is an execution path through a production: its computations and the modules that it makes.
+//! An execution path through a production: its computations and the modules that it makes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -43,7 +43,7 @@ impl Step {
 
 /// An execution path through the statements of a production.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Way {
+pub(super) struct ExecutionPath {
     pub steps: Vec<Step>,
     pub modules: Vec<PyModule>,
     /// True if the path makes modules, or ends with `produce`.
@@ -54,7 +54,7 @@ pub(super) struct Way {
     pub known: BTreeMap<String, Option<f64>>,
     /// Variables that the path has set to lists; the lists replace the names where they are read.
     pub lists: BTreeMap<String, PyExpr>,
-    /// Those of these lists, and of the model's, that have two names.
+    /// Names, of these lists and of the model's, whose list also has another name.
     pub shared_lists: BTreeSet<String>,
     /// Variables whose objects the path has changed, and those whose objects it has passed to a module.
     pub changed_objects: BTreeSet<String>,
@@ -65,14 +65,14 @@ pub(super) struct Way {
     pub calls: usize,
 }
 
-impl Way {
+impl ExecutionPath {
     /// Names declared `global` on the path that it also assigns.
     pub fn written(&self) -> Vec<&String> {
         let assigns = |name: &String| self.steps.iter().any(|s| s.assigns(name));
         self.globals.iter().filter(|g| assigns(g)).collect()
     }
 
-    /// True if it changes a list of the model.
+    /// True if the path changes a list of the model.
     pub fn stores(&self) -> bool {
         self.steps.iter().any(|step| match step {
             Step::Store(..) => true,
@@ -81,7 +81,7 @@ impl Way {
         })
     }
 
-    /// True if it reads a variable that it does not set.
+    /// True if the path reads a variable that it does not set.
     pub fn misses(&self, name: &str) -> bool {
         let is_set = self.known.contains_key(name) || self.lists.contains_key(name);
         let reads = |step: &Step| match step {
@@ -94,37 +94,37 @@ impl Way {
         !is_set && is_read()
     }
 
-    /// Place of its modules in the text, for messages.
+    /// Place of the path's modules in the text, for messages.
     pub fn range(&self) -> Range<usize> {
         self.modules.first().map_or(0..0, |m| m.range.clone())
     }
 }
 
-/// An expression in which variables of an execution path are replaced by their values, which hide those of the model;
+/// The expression in which the variables of an execution path are replaced by their values, which hide those of the model;
 /// [`UNKNOWN`] replaces variables of unknown value, so that the expression is not constant.
-pub(super) fn in_way(e: &PyExpr, way: &Way) -> PyExpr {
-    let names: Vec<String> = way.known.keys().cloned().collect();
+pub(super) fn on_path(e: &PyExpr, path: &ExecutionPath) -> PyExpr {
+    let names: Vec<String> = path.known.keys().cloned().collect();
     let unknown = || PyExpr::Name(UNKNOWN.to_owned(), 0..0);
-    let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
+    let values: Vec<PyExpr> = path.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
     substitute(e, &names, &values)
 }
 
-/// An expression in which those variables of an execution path are replaced whose values are known.
-pub(super) fn with_known(e: &PyExpr, way: &Way) -> PyExpr {
-    let known = way.known.iter().filter_map(|(name, value)| Some((name.clone(), PyExpr::Number((*value)?))));
+/// The expression in which those variables of an execution path whose values are known are replaced by them.
+pub(super) fn with_known(e: &PyExpr, path: &ExecutionPath) -> PyExpr {
+    let known = path.known.iter().filter_map(|(name, value)| Some((name.clone(), PyExpr::Number((*value)?))));
     let (names, values): (Vec<String>, Vec<PyExpr>) = known.unzip();
     substitute(e, &names, &values)
 }
 
 /// An execution path with statements that are not processed yet.
 #[derive(Debug, Clone)]
-pub(super) struct OpenWay {
-    pub way: Way,
-    /// The remaining statements, the next one last.
+pub(super) struct OpenPath {
+    pub path: ExecutionPath,
+    /// The remaining statements: a stack whose last entry is next.
     pub left: Vec<Statement>,
 }
 
-impl OpenWay {
+impl OpenPath {
     /// Inserts a block before the remaining statements.
     pub fn run_next(&mut self, block: Vec<Statement>) {
         self.left.extend(block.into_iter().rev());
@@ -138,8 +138,8 @@ impl OpenWay {
     }
 
     /// The finished execution path; `produced` is set if it has made modules.
-    pub fn ended(self) -> Way {
-        let produced = self.way.produced || !self.way.modules.is_empty();
-        Way { produced, ..self.way }
+    pub fn ended(self) -> ExecutionPath {
+        let produced = self.path.produced || !self.path.modules.is_empty();
+        ExecutionPath { produced, ..self.path }
     }
 }
