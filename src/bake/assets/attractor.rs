@@ -214,7 +214,7 @@ pub fn ifs_density(
     let cloud_keys = &recipe.keys;
     // Count the points that fall into each oversampled pixel, then estimate densities from the counts.
     let view = recipe.system.view.filter(|_| keys.fit == PictureFit::View);
-    let system = rotated_by_view(&recipe.system, view.as_ref());
+    let system = system_turned_by_view(&recipe.system, view.as_ref());
     let request = DrawRequest {
         system: &system,
         study: &recipe.study,
@@ -275,7 +275,7 @@ fn color_labels(recipe: &AttractorRecipe) -> ColorLabels {
 
 /// The system with a view's rotation about its centre as a last map.
 /// Source: flam3 turns its points by `rotate` about the centre, with y down.
-fn rotated_by_view<'a>(system: &'a Ifs, view: Option<&PictureView>) -> Cow<'a, Ifs> {
+fn system_turned_by_view<'a>(system: &'a Ifs, view: Option<&PictureView>) -> Cow<'a, Ifs> {
     let Some(view) = view.filter(|v| v.rotate != 0.0) else { return Cow::Borrowed(system) };
     let center = DVec3::new(view.center[0], view.center[1], 0.0);
     let turn = turn_z(-view.rotate);

@@ -66,7 +66,7 @@ impl<'a> Obstacles<'a> {
         Ok(Self { solids: solids.collect::<Result<_>>()?, surface, terrain })
     }
 
-    /// The land under the scene; `None` for a level ground. `side`: as for [`Obstacles::solids_within`].
+    /// The land under the scene; `None` for a level ground. `side`: as for [`Obstacles::solids_and_land`].
     fn terrain_within(&self, side: f32) -> Option<Arc<LandForm>> {
         match self.surface {
             GroundSurface::Waves(ground, center) if ground.amplitude > 0.0 => {
@@ -97,13 +97,13 @@ impl<'a> Obstacles<'a> {
         ((high - low).max(high).max(-low) >= LEAST_HILL).then_some(land)
     }
 
-    /// [`Obstacles::solids_within`] with the overhanging roofs of houses, which stop what flies, as they are shown.
+    /// [`Obstacles::solids_and_land`] with the overhanging roofs of houses, which stop what flies, as they are shown.
     pub fn solids_with_roofs_within(&self, side: f32) -> Solids {
-        self.solids_within(side).with_projections(self.solids.iter().map(masonry::roof_solids).collect())
+        self.solids_and_land(side).with_projections(self.solids.iter().map(masonry::roof_solids).collect())
     }
 
     /// All solids, the land last. `side`: side of the square around the origin within which a wavy ground is sampled, m.
-    pub fn solids_within(&self, side: f32) -> Solids {
+    pub fn solids_and_land(&self, side: f32) -> Solids {
         let land = self.terrain_within(side);
         let level = land.is_none();
         // Each solid is a column of the flight's table: a solid of the scene may have this name already.

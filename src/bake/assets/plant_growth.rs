@@ -65,7 +65,7 @@ pub fn grow_plant(
     site: GrowthSite<'_>,
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
-    let mut grown = grow_from_source(recipe, individual, set, site, context)?;
+    let mut grown = grow_individual(recipe, individual, set, site, context)?;
     // Twigs precede the season, so that their leaves turn and fall like all others.
     fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
     grown.show_season(recipe, individual, set, site.frames)?;
@@ -130,7 +130,7 @@ fn add_crown_attributes(plant: &mut Plant, recipe: &PlantRecipe) {
 }
 
 /// Grows one individual by its grammar, table, particle-shapes, species or mesh; without twigs of a fill and without season.
-fn grow_from_source(
+fn grow_individual(
     recipe: &PlantRecipe,
     individual: &Individual,
     set: &MaterialSet,

@@ -18,7 +18,7 @@ use crate::bake::assets::shape_growth::grows_round_solids;
 use crate::bake::assets::species_growth::{grow_species, needs_solids, shared_individuals};
 use crate::bake::assets::terrain::shown_terrain_solid;
 use crate::bake::motion::AssetMotion;
-use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
+use crate::bake::motion::growth::{GrowthSpan, GrowthMotion};
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
 use crate::bake::motion::season::SeasonMotion;
@@ -270,7 +270,7 @@ fn build_plant(
     }
     if let Some(shares) = plant.keys.growth_clip.filter(|_| recipe.clip.len() > 1) {
         let (asset, motion) =
-            build_growing_plant(grown, plant, materials, individual, GrowthClip { shares, seconds }, context)?;
+            build_growing_plant(grown, plant, materials, individual, GrowthSpan { shares, seconds }, context)?;
         return Ok(BuiltPlant::moved_by(motion, asset, Vec::new()));
     }
     // A plant whose leaves change over the clip follows no wind either.
@@ -329,7 +329,7 @@ fn build_growing_plant(
     recipe: &PlantRecipe,
     materials: &PlantMaterials,
     individual: &Individual,
-    clip: GrowthClip,
+    clip: GrowthSpan,
     context: &BakeContext<'_>,
 ) -> Result<(Asset, GrowthMotion)> {
     let BoundPlant { mut asset, bindings, .. } =

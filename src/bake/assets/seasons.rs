@@ -42,7 +42,7 @@ const LAST_YEAR: f32 = 0.02;
 const DRY_TRANSLUCENCY: f32 = 0.5;
 
 /// Colours, leaf fall and buds of the species to which a leaf outline belongs.
-struct OutlineYear {
+struct OutlineHabit {
     /// sRGB colours from sun to shade, with their weights.
     autumn: &'static [([u8; 3], f64)],
     falls: FallOrder,
@@ -51,9 +51,9 @@ struct OutlineYear {
 }
 
 /// Own: chosen by eye from photographs of oak, birch, poplar, beech, maple and larch.
-fn outline_year(blade: BladeOutline) -> OutlineYear {
+fn outline_habit(blade: BladeOutline) -> OutlineHabit {
     match blade {
-        BladeOutline::Lobed => OutlineYear {
+        BladeOutline::Lobed => OutlineHabit {
             autumn: &[
                 ([0xa8, 0x55, 0x25], 3.0),
                 ([0xc0, 0x7f, 0x2e], 3.0),
@@ -63,17 +63,17 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
             falls: FallOrder::Tips,
             bud: 0.006,
         },
-        BladeOutline::Toothed => OutlineYear {
+        BladeOutline::Toothed => OutlineHabit {
             autumn: &[([0xe8, 0xbe, 0x36], 4.0), ([0xda, 0xa4, 0x28], 2.0), ([0xd0, 0xbe, 0x50], 2.0)],
             falls: FallOrder::Bases,
             bud: 0.006,
         },
-        BladeOutline::Deltoid => OutlineYear {
+        BladeOutline::Deltoid => OutlineHabit {
             autumn: &[([0xe8, 0xbf, 0x38], 4.0), ([0xd9, 0xa8, 0x2c], 2.0), ([0xb4, 0x93, 0x3a], 1.0)],
             falls: FallOrder::Bases,
             bud: 0.010,
         },
-        BladeOutline::Elliptic => OutlineYear {
+        BladeOutline::Elliptic => OutlineHabit {
             autumn: &[
                 ([0xb8, 0x5a, 0x26], 3.0),
                 ([0xcf, 0x86, 0x2f], 3.0),
@@ -84,7 +84,7 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
             bud: 0.009,
         },
         // Maples: yellow, orange and red on one tree.
-        BladeOutline::Palmate => OutlineYear {
+        BladeOutline::Palmate => OutlineHabit {
             autumn: &[
                 ([0xd8, 0x8a, 0x26], 3.0),
                 ([0xe3, 0xb2, 0x34], 3.0),
@@ -95,12 +95,12 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
             bud: 0.008,
         },
         // Petals wither; no bud takes their place.
-        BladeOutline::Petal => OutlineYear {
+        BladeOutline::Petal => OutlineHabit {
             autumn: &[([0xb8, 0xa0, 0x84], 2.0), ([0x9c, 0x82, 0x66], 1.0)],
             falls: FallOrder::Random,
             bud: 0.0,
         },
-        BladeOutline::Needles => OutlineYear {
+        BladeOutline::Needles => OutlineHabit {
             autumn: &[([0xd8, 0xa0, 0x36], 3.0), ([0xc6, 0x8a, 0x2e], 2.0)],
             falls: FallOrder::Random,
             bud: 0.004,
@@ -137,7 +137,7 @@ pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u6
         for base in leaves {
             add_colored_materials(set, plant, recipe, &name, base, &habit, &colors, seed, &mut materials)?;
         }
-        let length = recipe.keys.bud.unwrap_or(outline_year(recipe.keys.blade).bud);
+        let length = recipe.keys.bud.unwrap_or(outline_habit(recipe.keys.blade).bud);
         // All organs of the plant share one material of buds, which is made for the first that has any.
         let bud = match (habit.evergreen || length <= 0.0, bud_material) {
             (true, _) => None,
@@ -171,7 +171,7 @@ fn generated_blade_colors(recipe: &OrganRecipe) -> Option<LeafColors> {
 }
 
 fn leaf_habit(keys: &OrganKeys, green: [f32; 3]) -> LeafHabit {
-    let own = outline_year(keys.blade);
+    let own = outline_habit(keys.blade);
     let of_bytes = |c: [u8; 3]| c.map(|b| osier_base::units::linear_from_srgb(f32::from(b) / 255.0));
     let autumn = if keys.autumn.is_empty() {
         own.autumn.iter().map(|(c, weight)| AutumnColor { color: of_bytes(*c), weight: *weight }).collect()

@@ -16,7 +16,7 @@ use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, InstancerMot
 
 /// The part of a plant's growth that a clip shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GrowthClip {
+pub struct GrowthSpan {
     /// Shares of the growth time at the first and the last frame, 0..1.
     pub shares: [f64; 2],
     /// Length of the clip, s.
@@ -34,7 +34,7 @@ pub struct GrowthMotion {
     organs: Vec<Vec<usize>>,
     /// Middles of the segments, in the order of their instancer, if the plant is displayed by its segments.
     segments: Vec<GrowthBinding>,
-    clip: GrowthClip,
+    clip: GrowthSpan,
 }
 
 impl GrowthMotion {
@@ -45,7 +45,7 @@ impl GrowthMotion {
         materials: &PlantMaterials,
         bindings: &[(u32, f32)],
         by_segments: bool,
-        clip: GrowthClip,
+        clip: GrowthSpan,
     ) -> Self {
         Self {
             clock: GrowthClock::new(plant),
@@ -71,7 +71,7 @@ impl GrowthMotion {
 
     /// Share of the growth time, 0..1, at `seconds` after the first frame.
     fn share(&self, seconds: f64) -> f32 {
-        let GrowthClip { shares: [from, to], seconds: whole } = self.clip;
+        let GrowthSpan { shares: [from, to], seconds: whole } = self.clip;
         // A clip of one frame shows the end of the growth.
         let t = if whole > 0.0 { (seconds / whole).clamp(0.0, 1.0) } else { 1.0 };
         narrow(from + (to - from) * t)

@@ -100,7 +100,7 @@ pub trait AssetMotion: Debug + Send + Sync {
     }
 
     /// Whether the motion holds the record of all years of a tree, whose memory estimates count.
-    fn holds_years(&self) -> bool {
+    fn keeps_year_record(&self) -> bool {
         false
     }
 

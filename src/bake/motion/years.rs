@@ -158,7 +158,7 @@ impl AssetMotion for YearsMotion {
         true
     }
 
-    fn holds_years(&self) -> bool {
+    fn keeps_year_record(&self) -> bool {
         true
     }
 

@@ -99,9 +99,10 @@ pub(crate) fn estimate_formats(
     // Frames of growing plants are made one by one from their skeletons.
     let is_posed = |motion: &Option<Arc<dyn AssetMotion>>| motion.as_ref().is_some_and(|motion| !motion.is_growth());
     let posed = assets.iter().zip(&stage.motions).filter(|(_, motion)| is_posed(motion));
-    let holds_years =
-        |motion: &Option<Arc<dyn AssetMotion>>| motion.as_ref().is_some_and(|motion| motion.holds_years());
-    let years = || assets.iter().zip(&stage.motions).filter(|(_, motion)| holds_years(motion)).map(|(asset, _)| asset);
+    let keeps_year_record =
+        |motion: &Option<Arc<dyn AssetMotion>>| motion.as_ref().is_some_and(|motion| motion.keeps_year_record());
+    let years =
+        || assets.iter().zip(&stage.motions).filter(|(_, motion)| keeps_year_record(motion)).map(|(asset, _)| asset);
     let carried = CarriedParts {
         posed_vertices: posed.map(|(asset, _)| asset.weight * asset.deforming_vertices).sum(),
         growing_elements: years().map(|asset| asset.weight * (asset.vertices + asset.triangles)).sum(),

@@ -39,7 +39,7 @@ pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> 
         Form::Land(land) => reaches_a_center(land, &options),
         Form::Prism(_) | Form::Shell(_) => true,
     };
-    obstacles.solids_within(narrow(side)).list().iter().filter(is_met).cloned().collect()
+    obstacles.solids_and_land(narrow(side)).list().iter().filter(is_met).cloned().collect()
 }
 
 /// Whether a land reaches the centre of a cell of a lattice's box; its height elsewhere has no effect.

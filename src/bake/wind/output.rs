@@ -77,7 +77,7 @@ impl WindGridSampler {
             // Cells inside of solids contain no air. Sample the land over a square around the origin that contains the domain.
             let size = DVec3::from_array(domain.cells.map(|n| n as f64)) * domain.side;
             let reach = domain.corner.abs().max((domain.corner + size).abs());
-            let solids = obstacles.solids_within(narrow(2.0 * reach.x.max(reach.z)));
+            let solids = obstacles.solids_and_land(narrow(2.0 * reach.x.max(reach.z)));
             let open = domain.places().into_iter().enumerate().filter(|(_, p)| !solids.contains(*p));
             let (indices, points) = open.unzip();
             WindVolumePoints { cells: domain.cells, points, indices }

@@ -25,7 +25,7 @@ pub struct PlantWind {
     /// Whether plants on rods start at rest, which never loop.
     pub rods_from_rest: bool,
     /// Velocity at which gusts travel, m/s.
-    gust_velocity: Vec3,
+    gust_travel_velocity: Vec3,
     flicker: f64,
     whip: f64,
     fps: f64,
@@ -68,7 +68,7 @@ impl PlantWind {
         let flicker = flickers.map(|keys| keys.flicker).fold(0.0, f64::max);
         Some(Self {
             rods_from_rest: sway.start == SwayStart::Rest,
-            gust_velocity: gust_velocity(recipe, &*wind),
+            gust_travel_velocity: gust_travel_velocity(recipe, &*wind),
             wind,
             rod_wind,
             clip,
@@ -99,7 +99,7 @@ impl PlantWind {
         if !self.clip.repeats || count < 2.0 {
             return 0;
         }
-        let travel = self.gust_velocity.as_dvec3();
+        let travel = self.gust_travel_velocity.as_dvec3();
         if travel.length() < CALM_SPEED {
             return 0;
         }
@@ -124,7 +124,7 @@ impl PlantWind {
 
 /// Velocity, m/s, at which the gusts of a scene's `wind` travel: that of the strongest of its winds that vary. `scale` multiplies
 /// velocities of the air, but not this velocity; a steady wind that is added to the gusts does not carry them either.
-fn gust_velocity(recipe: &Recipe, wind: &dyn Wind) -> Vec3 {
+fn gust_travel_velocity(recipe: &Recipe, wind: &dyn Wind) -> Vec3 {
     let winds: Vec<&WindKeys> = [&recipe.wind].into_iter().chain(&recipe.added).filter(|keys| keys.blows()).collect();
     let varying = winds.iter().filter(|keys| keys.model != WindModel::Uniform);
     let strongest = varying.reduce(|a, b| if b.speed * b.scale > a.speed * a.scale { b } else { a });

@@ -35,13 +35,13 @@ pub(super) fn define_asset(
         let path = format!("{root}/{}", names.unique(&object.name));
         let varying = object.motion == MeshMotion::Varying;
         let place = mesh::MeshTarget { root, path: &path, skinned: false, varying };
-        let source = mesh::MeshSource { index: i, object, pixel };
+        let source = mesh::MeshInput { index: i, object, pixel };
         parts.extend(mesh::define_unskinned(cx, layer, &place, source)?);
         parts.extend(coat_primvar::define_coat_weight(cx, layer, i, &path, object)?);
     }
     for (i, instances) in asset.instancers.iter().enumerate() {
         let path = format!("{root}/{}", names.unique(&instances.name));
-        let source = instancer::InstancerSource { index: i, instancer: instances, pixel };
+        let source = instancer::InstancerInput { index: i, instancer: instances, pixel };
         parts.extend(instancer::define_instancer(cx, layer, root, &path, source)?);
     }
     for (i, cloud) in asset.points.iter().enumerate() {

@@ -23,7 +23,7 @@ const WHOLE_FRAMES: u64 = 32;
 const QUATH_BYTES: usize = 8;
 
 /// For each asset the bytes of the time samples that a bake writes; `None` for an asset that does not grow.
-pub(super) fn sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
+pub(super) fn growth_sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
     let (scene, frames) = (input.scene, input.frames);
     let mut bytes = vec![None; input.assets.len()];
     let growing: Vec<usize> = (0..scene.assets.len()).filter(|i| grows(&scene.assets[*i])).collect();

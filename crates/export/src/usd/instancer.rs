@@ -122,7 +122,7 @@ impl<'a> InstanceSample<'a> {
 }
 
 impl InstanceReducers {
-    /// Derives tolerances from the sizes of the prototypes. `pixel`: see [`InstancerSource::pixel`].
+    /// Derives tolerances from the sizes of the prototypes. `pixel`: see [`InstancerInput::pixel`].
     pub(super) fn new(tolerance: &Tolerance, instancer: &Instancer, pixel: f32) -> Self {
         let seen = tolerance.pixels * pixel;
         // A rotation moves the far end of an instance: the corner of its prototype's box that is farthest from its origin.
@@ -171,7 +171,7 @@ impl InstanceReducers {
 
 /// Input of [`define_instancer`]: an instancer and the visibility of errors in its place.
 #[derive(Clone, Copy)]
-pub(super) struct InstancerSource<'a> {
+pub(super) struct InstancerInput<'a> {
     /// Index in the instancers of its asset.
     pub(super) index: usize,
     pub(super) instancer: &'a Instancer,
@@ -185,9 +185,9 @@ pub(super) fn define_instancer(
     layer: &mut LayerBuilder,
     root: &str,
     path: &str,
-    source: InstancerSource<'_>,
+    source: InstancerInput<'_>,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
-    let InstancerSource { index, instancer, pixel } = source;
+    let InstancerInput { index, instancer, pixel } = source;
     // Orientations are half precision (`quath`), and the extent is computed from the rounded ones, as readers will.
     layer.define_prim(path, "PointInstancer")?;
     let up = cx.up;

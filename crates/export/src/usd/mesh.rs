@@ -245,7 +245,7 @@ impl VelocitySamples {
     }
 }
 
-/// The reducer of the points of a mesh. `pixel`: see [`MeshSource::pixel`].
+/// The reducer of the points of a mesh. `pixel`: see [`MeshInput::pixel`].
 pub(super) fn point_reducer(tolerance: &Tolerance, pixel: f32) -> SampleReducer<Vec3> {
     SampleReducer::new(SampleTolerance { strict: tolerance.metres, seen: tolerance.pixels * pixel, levers: Vec::new() })
 }
@@ -474,7 +474,7 @@ impl AnimatedPrim for VaryingMesh {
 
 /// Input of [`define_unskinned`]: a mesh and the visibility of errors in its place.
 #[derive(Clone, Copy)]
-pub(super) struct MeshSource<'a> {
+pub(super) struct MeshInput<'a> {
     /// Index in the meshes of its asset.
     pub(super) index: usize,
     pub(super) object: &'a osier_scene::MeshObject,
@@ -487,9 +487,9 @@ pub(super) fn define_unskinned(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     place: &MeshTarget,
-    source: MeshSource<'_>,
+    source: MeshInput<'_>,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
-    let MeshSource { index, object, pixel } = source;
+    let MeshInput { index, object, pixel } = source;
     if object.motion == MeshMotion::Varying {
         return Ok(Some(Box::new(VaryingMesh::new(cx, layer, index, place, &object.mesh)?)));
     }

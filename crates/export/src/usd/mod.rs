@@ -114,7 +114,7 @@ const LEAF_BYTES_PER_SPEED: f64 = 1.6;
 /// Estimate from bytes per vertex, triangle, instance and time sample in crate files, whose index arrays are compressed.
 fn estimate(input: &EstimateInput) -> u64 {
     let frames = input.frames;
-    let growing = growth_estimate::sample_bytes(input);
+    let growing = growth_estimate::growth_sample_bytes(input);
     let of_asset = |(i, a): (usize, &AssetSize)| {
         let vertices = a.vertices + a.drawn_vertices;
         // Most points have two joints with weights, which are equal along a branch.
@@ -254,7 +254,7 @@ impl UsdExporter {
                 may_share: shared.contains(&placement.asset),
                 kind: Some("component"),
             };
-            animated.extend(define_asset_prim(cx, &mut layer, path, target, &mut first)?);
+            animated.extend(define_or_reference_asset(cx, &mut layer, path, target, &mut first)?);
             layer.set_xform_ops(path, &cx.up.stage_trs(&placement.transform))?;
         }
         for group in &plan.instancers {
@@ -262,7 +262,7 @@ impl UsdExporter {
             for PrototypePrim { prototype, path } in &group.prototypes {
                 let target =
                     AssetPrimContents { asset: prototype.asset, phase: prototype.phase, may_share: false, kind: None };
-                animated.extend(define_asset_prim(cx, &mut layer, path, target, &mut first)?);
+                animated.extend(define_or_reference_asset(cx, &mut layer, path, target, &mut first)?);
             }
         }
         if self.options.look {
@@ -319,7 +319,7 @@ impl UsdExporter {
             layer.writer.define_prim(path, "Xform", &meta)?;
             layer.set_xform_ops(path, &cx.up.stage_trs(&placement.transform))?;
             if !instanceable {
-                rebind_materials(cx, &mut layer, &root, path, written.bindings(placement.asset))?;
+                bind_shared_materials(cx, &mut layer, &root, path, written.bindings(placement.asset))?;
             }
         }
         for group in &plan.instancers {
@@ -332,7 +332,7 @@ impl UsdExporter {
                     "",
                     &PrimMetadata { payload: Some(payload), ..PrimMetadata::default() },
                 )?;
-                rebind_materials(cx, &mut layer, &root, path, written.bindings(prototype.asset))?;
+                bind_shared_materials(cx, &mut layer, &root, path, written.bindings(prototype.asset))?;
             }
             group.write_instance_arrays(cx, &mut layer, &written.clip_bounds)?;
         }
@@ -445,7 +445,7 @@ struct AssetPrimContents {
 
 /// Defines the prim at `path` with the contents of an asset, or with a reference to the prim that has them. `first`: the prims
 /// with contents so far, by asset. Returns the prims that take time samples, with the index of the asset.
-fn define_asset_prim(
+fn define_or_reference_asset(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     path: &str,
@@ -480,7 +480,7 @@ fn payload_arc(cx: &UsdContext, asset: usize, phase: u32, folder: &str) -> Optio
 /// Binds the prims of the payload at `path` to materials below the scene's root. Readers such as Blender create a material for
 /// each one that is bound: the payloads then share them. Coated materials, whose maps change, remain in the payload, as do
 /// those of prims inside variants.
-fn rebind_materials(
+fn bind_shared_materials(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     root: &str,

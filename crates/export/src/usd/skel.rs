@@ -62,7 +62,7 @@ pub(super) fn define_skel_root(
         "SkelRoot",
         &PrimMetadata { api: vec!["SkelBindingAPI"], ..PrimMetadata::default() },
     )?;
-    let b = extent_corners(&skinned_bounds(cx, asset, &AssetFrame::default()));
+    let b = extent_corners(&skinned_bounds_at_frame(cx, asset, &AssetFrame::default()));
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.writer.create_relationship(&format!("{path}.skel:animationSource"), &[format!("{path}/anim")])?;
     layer.writer.create_relationship(&format!("{path}.skel:skeleton"), &[format!("{path}/skeleton")])?;
@@ -88,7 +88,7 @@ pub(super) fn define_skel_root(
 }
 
 /// Box of all skinned meshes of an asset at a frame, in the axes of the stage.
-fn skinned_bounds(cx: &UsdContext, asset: &Asset, state: &AssetFrame) -> Bounds {
+fn skinned_bounds_at_frame(cx: &UsdContext, asset: &Asset, state: &AssetFrame) -> Bounds {
     let mut b = Bounds::default();
     for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| is_skinned(asset, m)) {
         let points = mesh_points(asset, object, i, state);
@@ -224,7 +224,7 @@ impl AnimatedPrim for SkelAnimation {
             *q = nearest_quat(*q, *before);
         }
         // UsdSkel deforms when it is read, so the extent of the root is computed here from the posed points.
-        let b = skinned_bounds(cx, sample.asset, sample.state);
+        let b = skinned_bounds_at_frame(cx, sample.asset, sample.state);
         self.clip_bounds = self.clip_bounds.union(b);
         let b = extent_corners(&b);
         let time = sample.time;

@@ -223,7 +223,7 @@ struct EjectedWater {
 
 /// Outcome of a falling drop's time step.
 #[derive(Clone, Copy)]
-enum FallEnd {
+enum FallOutcome {
     Airborne,
     Ground,
     Hit(DropHit),
@@ -231,7 +231,7 @@ enum FallEnd {
 
 /// A falling drop at the place where it strikes a leaf, wood or a solid; the effect is not yet applied.
 #[derive(Clone, Copy)]
-struct DropStrike {
+struct StrikingDrop {
     drop: FallingDrop,
     hit: DropHit,
 }
@@ -379,7 +379,7 @@ impl RainSimulation {
         let hits = self.advance_falling_drops(&before, h);
         self.t += h;
         // Hits change plants and draw random numbers: apply them one after the other in a fixed order.
-        for DropStrike { drop, hit } in hits {
+        for StrikingDrop { drop, hit } in hits {
             match hit {
                 DropHit::Leaf { leaf, hit } => self.strike_leaf(&drop, leaf, &hit),
                 DropHit::Wood { segment, hit } => self.strike_wood(&drop, segment, hit),
@@ -443,7 +443,7 @@ impl RainSimulation {
     }
 
     /// Advances the drops in the air, and returns the drops that strike a leaf, wood or a solid, by time within the step.
-    fn advance_falling_drops(&mut self, before: &[LeafPose], h: f64) -> Vec<DropStrike> {
+    fn advance_falling_drops(&mut self, before: &[LeafPose], h: f64) -> Vec<StrikingDrop> {
         self.sample_due_winds();
         // Leaves sweep from their poses before the step to those after it; wood, which is slower, is taken as at rest.
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();
@@ -483,15 +483,15 @@ impl RainSimulation {
             // The first thing on the path stops the drop.
             let outcome = match (hit, landing) {
                 (Some(hit), landing) if landing.is_none_or(|fraction| hit.path_fraction() <= fraction) => {
-                    FallEnd::Hit(hit)
+                    FallOutcome::Hit(hit)
                 }
-                (_, Some(_)) => FallEnd::Ground,
-                _ => FallEnd::Airborne,
+                (_, Some(_)) => FallOutcome::Ground,
+                _ => FallOutcome::Airborne,
             };
             let fraction = match &outcome {
-                FallEnd::Hit(hit) => hit.path_fraction(),
-                FallEnd::Ground => landing.unwrap_or(1.0),
-                FallEnd::Airborne => 1.0,
+                FallOutcome::Hit(hit) => hit.path_fraction(),
+                FallOutcome::Ground => landing.unwrap_or(1.0),
+                FallOutcome::Airborne => 1.0,
             };
             drop.p = drop.p.lerp(to, fraction);
             (drop, outcome)
@@ -503,12 +503,12 @@ impl RainSimulation {
         self.falling.clear();
         for (drop, outcome) in outcomes {
             match outcome {
-                FallEnd::Airborne => self.falling.push(drop),
-                FallEnd::Ground => {
+                FallOutcome::Airborne => self.falling.push(drop),
+                FallOutcome::Ground => {
                     self.events.push(RainEvent::new(DropEventKind::Ground, drop.id, t + h, drop.p, drop.volume));
                     self.water_on_ground += drop.volume;
                 }
-                FallEnd::Hit(hit) => hits.push(DropStrike { drop, hit }),
+                FallOutcome::Hit(hit) => hits.push(StrikingDrop { drop, hit }),
             }
         }
         // In the order of time within the step; identifiers decide between hits at the same time.

@@ -41,5 +41,5 @@ pub use plant::{RodPlant, RodPlantParams, SectionBlend};
 pub use prism::SectionFrame;
 pub use record::{Actuation, Integrator, MAX_SUBSTEPS, RecordingParams, RodSystemPose};
 pub use solver::{MAX_GAUSS_SEIDEL_STIFFNESS, StepFailed};
-pub use system::{AttachedBody, RodSupport, RodSystem, SupportKind};
+pub use system::{AttachedBody, RodSystem, SectionSupport, SupportKind};
 pub use tuning::PLANT_SPIN_UP_SECONDS;

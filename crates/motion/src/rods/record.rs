@@ -116,7 +116,7 @@ impl RodSystem {
         let mut frames = Vec::new();
         // Loads and clamps of the first frame apply before its pose is taken.
         self.apply_actuations(clip, 0.0);
-        self.follow_first_clamp();
+        self.move_with_first_clamp();
         self.reset_history();
         for frame in 0..clip.frames {
             cancel.check()?;

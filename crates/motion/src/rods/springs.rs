@@ -180,7 +180,7 @@ pub(crate) fn spring_forces(
 }
 
 /// Elastic energy, J, of springs of stiffness `k`, N/m, and rest length `l`, m, whose ends are `d` apart, m.
-pub(crate) fn spring_energy(
+pub(crate) fn section_spring_energy(
     d: &PerSpringVectors,
     k: &[f64; SPRINGS_PER_SECTION],
     l: &[f64; SPRINGS_PER_SECTION],

@@ -28,7 +28,7 @@ pub enum SupportKind {
 
 /// Boundary condition at a section, and its prescribed motion.
 #[derive(Debug, Clone)]
-pub struct RodSupport {
+pub struct SectionSupport {
     /// Index of the section that it acts on.
     pub section: usize,
     /// Its prescribed degrees of freedom; the others stay free.
@@ -40,7 +40,7 @@ pub struct RodSupport {
     reference: Vector9,
 }
 
-impl RodSupport {
+impl SectionSupport {
     fn target_corners(&self) -> Vector9 {
         let p = centroid(&self.reference);
         corners_from_fn(|c| p + self.shift + self.turn * (corner(&self.reference, c) - p))
@@ -109,7 +109,7 @@ struct TotalAndPlantMassMatrices {
 #[derive(Debug, Clone)]
 pub struct RodSystem {
     pub(crate) tree: SectionTree,
-    pub(crate) clamps: Vec<RodSupport>,
+    pub(crate) clamps: Vec<SectionSupport>,
     pub(crate) bodies: Vec<AttachedBody>,
     /// Gravitational acceleration in the world, m/s^2; at first 9.81 along -Y.
     pub gravity: DVec3,
@@ -197,7 +197,7 @@ impl RodSystem {
         // A clamp holds the section nearest to its arc length.
         let clamp = |(rod, s, hold): &(usize, f64, SupportKind)| {
             let section = tree.section_at_arc_length(*rod, *s);
-            RodSupport {
+            SectionSupport {
                 section,
                 hold: *hold,
                 shift: DVec3::ZERO,
@@ -205,7 +205,7 @@ impl RodSystem {
                 reference: tree.reference[section],
             }
         };
-        let clamps: Vec<RodSupport> = holds.iter().map(clamp).collect();
+        let clamps: Vec<SectionSupport> = holds.iter().map(clamp).collect();
         let step = SolverBuffers {
             rows: vec![BlockRow::default(); n],
             change: zero.clone(),
@@ -256,7 +256,7 @@ impl RodSystem {
 
     fn choose_rest_anchors(&mut self) {
         for (rod, span) in self.tree.rods.iter().enumerate() {
-            let fixed = |c: &RodSupport| c.hold == SupportKind::Fixed && span.sections.contains(&c.section);
+            let fixed = |c: &SectionSupport| c.hold == SupportKind::Fixed && span.sections.contains(&c.section);
             // A parent rod takes precedence; else the first fixed clamp on the rod itself.
             self.anchors[rod] = match (span.base, self.clamps.iter().position(fixed)) {
                 (Some(base), _) => RestAnchor::Section(self.tree.bases[base].on as usize),
@@ -411,7 +411,7 @@ impl RodSystem {
     }
 
     /// Moves all rods as a rigid body with the first clamp, from where they are drawn to where the clamp is now.
-    pub(crate) fn follow_first_clamp(&mut self) {
+    pub(crate) fn move_with_first_clamp(&mut self) {
         let Some(clamp) = self.clamps.first() else { return };
         let (shift, turn, middle) = (clamp.shift, clamp.turn, centroid(&clamp.reference));
         if shift == DVec3::ZERO && turn == DQuat::IDENTITY {

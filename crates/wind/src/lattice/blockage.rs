@@ -197,7 +197,7 @@ impl<'a> FlowNetwork<'a> {
 #[cfg(test)]
 #[allow(clippy::print_stdout, reason = "tests")]
 mod tests {
-    use super::super::cut_links::HalfLinkCutMask;
+    use super::super::cut_links::CutHalfLinks;
     use super::super::grid::LatticeGrid;
     use super::*;
 
@@ -214,7 +214,7 @@ mod tests {
             FaceCondition::Periodic,
             FaceCondition::Periodic,
         ];
-        Domain { grid, faces, solid, cuts: HalfLinkCutMask::default() }
+        Domain { grid, faces, solid, cuts: CutHalfLinks::default() }
     }
 
     #[test]

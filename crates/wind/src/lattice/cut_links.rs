@@ -19,12 +19,12 @@ use osier_scene::solid::Solid;
 
 /// Half links between cells that are cut by surfaces.
 #[derive(Debug, Clone, Default)]
-pub(super) struct HalfLinkCutMask {
+pub(super) struct CutHalfLinks {
     /// By cell, x fastest: bit i is set if a surface cuts the half link in direction i. Empty if none is cut.
     halves: Vec<u16>,
 }
 
-impl HalfLinkCutMask {
+impl CutHalfLinks {
     /// Tests the half links of all air cells. `solid`: whether each cell is solid.
     pub(super) fn find(grid: &LatticeGrid, cells: CellGeometry, solids: &[Solid], solid: &[bool]) -> Self {
         let half = narrow(cells.spacing / 2.0);
@@ -62,7 +62,7 @@ impl HalfLinkCutMask {
 
     /// Whether a surface cuts the half link in direction `i` of the cell with index `cell`.
     #[inline]
-    pub(super) fn is_cut(&self, cell: usize, i: usize) -> bool {
+    pub(super) fn is_half_cut(&self, cell: usize, i: usize) -> bool {
         self.halves.get(cell).is_some_and(|bits| bits >> i & 1 == 1)
     }
 

@@ -1,6 +1,6 @@
 //! The simulated box: solid cells, the boundary condition of each face, and the source of each population.
 
-use super::cut_links::HalfLinkCutMask;
+use super::cut_links::CutHalfLinks;
 use super::grid::LatticeGrid;
 use super::stencil::{Q, VELOCITIES, opposite, reflected_direction};
 
@@ -36,7 +36,7 @@ pub(super) struct Domain {
     /// Whether each cell is solid, x fastest.
     pub solid: Vec<bool>,
     /// Links cut by a surface, even one that contains no cell centre.
-    pub cuts: HalfLinkCutMask,
+    pub cuts: CutHalfLinks,
 }
 
 /// Position, before the streaming, of a population that arrives at a cell.
@@ -89,7 +89,8 @@ impl Domain {
     pub(super) fn is_link_cut(&self, x: [usize; 3], i: usize) -> bool {
         let end = std::array::from_fn(|a| x[a] as isize + VELOCITIES[i][a] as isize);
         let far = self.node_as_cell(self.wrap_periodic(end)).map(|cell| self.grid.cell_index(cell));
-        self.cuts.is_cut(self.grid.cell_index(x), i) || far.is_some_and(|far| self.cuts.is_cut(far, opposite(i)))
+        self.cuts.is_half_cut(self.grid.cell_index(x), i)
+            || far.is_some_and(|far| self.cuts.is_half_cut(far, opposite(i)))
     }
 
     /// Source of the population that arrives at the fluid cell `x` in direction `i`. A surface that cuts its link takes
@@ -101,7 +102,7 @@ impl Domain {
         let upstream: [isize; 3] = std::array::from_fn(|a| x[a] as isize - VELOCITIES[i][a] as isize);
         let bounce_back = PopulationSource::Cell { direction: opposite(i), cell: x };
         // A surface cuts the link within the half that is nearer to x.
-        if self.cuts.is_cut(self.grid.cell_index(x), opposite(i)) {
+        if self.cuts.is_half_cut(self.grid.cell_index(x), opposite(i)) {
             return bounce_back;
         }
         let outside = self.faces_outside_of(upstream);
@@ -138,7 +139,7 @@ impl Domain {
         // half of its link is cut.
         let is_free = |cell: [usize; 3]| {
             let c = self.grid.cell_index(cell);
-            !self.solid[c] && !self.cuts.is_cut(c, direction)
+            !self.solid[c] && !self.cuts.is_half_cut(c, direction)
         };
         match self.node_as_cell(node) {
             Some(cell) if is_free(cell) => {
@@ -156,7 +157,7 @@ impl Domain {
     pub(super) fn upstream_is_blocked(&self, x: [usize; 3], i: usize) -> bool {
         let upstream = std::array::from_fn(|a| x[a].wrapping_add_signed(-(VELOCITIES[i][a] as isize)));
         let [here, there] = [x, upstream].map(|cell| self.grid.cell_index(cell));
-        self.solid[there] || self.cuts.is_cut(here, opposite(i)) || self.cuts.is_cut(there, i)
+        self.solid[there] || self.cuts.is_half_cut(here, opposite(i)) || self.cuts.is_half_cut(there, i)
     }
 
     /// Whether a surface cuts a link between this air cell and another: the cell is next to a wall that may contain no cell.

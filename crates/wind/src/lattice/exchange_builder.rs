@@ -16,7 +16,7 @@ use osier_base::convert::{index, to_usize};
 
 /// A cell by its plane, and by its element in the plane counted from the first cell.
 #[derive(Debug, Clone, Copy)]
-struct PlaneNode {
+struct PlaneElement {
     plane: usize,
     element: usize,
 }
@@ -24,7 +24,7 @@ struct PlaneNode {
 /// Nodes of one plane at equal distances.
 #[derive(Debug, Clone, Copy)]
 struct NodeRun {
-    first: PlaneNode,
+    first: PlaneElement,
     count: usize,
     stride: usize,
 }
@@ -35,7 +35,7 @@ struct RunLink {
     incoming: usize,
     outgoing: usize,
     to: NodeRun,
-    from: PlaneNode,
+    from: PlaneElement,
     /// Momentum that a moving wall adds.
     wall_momentum: Option<f32>,
     /// Index of the first in [`RowHalo`], if they arrive at ends of rows.
@@ -45,7 +45,7 @@ struct RunLink {
 /// A population that arrives from a ghost node.
 struct GhostLink {
     incoming: usize,
-    to: PlaneNode,
+    to: PlaneElement,
     ghost: usize,
     /// Direction in which the ghost sends it; differs from `incoming` after a reflection.
     sent: usize,
@@ -97,8 +97,8 @@ pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<Bo
 }
 
 impl ExchangeBuilder<'_> {
-    fn plane_node(&self, [x, y, z]: [usize; 3]) -> PlaneNode {
-        PlaneNode { plane: z, element: x + y * self.domain.grid.row_stride }
+    fn plane_node(&self, [x, y, z]: [usize; 3]) -> PlaneElement {
+        PlaneElement { plane: z, element: x + y * self.domain.grid.row_stride }
     }
 
     /// Lists the population that arrives at a cell in direction `i`, unless it simply streams from its neighbour.
@@ -269,7 +269,7 @@ impl ExchangeBuilder<'_> {
     ) -> Result<(Vec<SpanCopy>, Vec<RowHaloCopy>)> {
         let grid = &self.domain.grid;
         let (mut scatter, mut halo): (Vec<SpanCopy>, Vec<RowHaloCopy>) = (Vec::new(), Vec::new());
-        let mut last: Option<PlaneNode> = None;
+        let mut last: Option<PlaneElement> = None;
         for GhostLink { incoming, to, ghost, sent } in &self.ghost_links {
             // A population that arrives at the end of a row goes to the row halo; consecutive ones share a copy.
             let at = slots[*ghost].buffer_index_of(*sent);
@@ -373,7 +373,7 @@ impl ExchangeBuilder<'_> {
 
 impl NodeRun {
     /// The stride at which a node continues the run, along the row or across rows of its plane; `None` if it does not.
-    fn stride_to_next(self, next: PlaneNode, row_stride: usize) -> Option<usize> {
+    fn stride_to_next(self, next: PlaneElement, row_stride: usize) -> Option<usize> {
         let step = next.element.checked_sub(self.first.element + (self.count - 1) * self.stride)?;
         let good = next.plane == self.first.plane && (step == 1 || step == row_stride);
         (good && (self.count == 1 || step == self.stride)).then_some(step)

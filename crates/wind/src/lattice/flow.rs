@@ -11,7 +11,7 @@ use super::grid::{BLOCK, Populations, StepParity};
 use super::ground::shear_nonequilibrium_population;
 use super::stencil::{Q, VELOCITIES, opposite, weight};
 use super::step_tables::{FlowParams, StepTables};
-use super::stepper::{BoundaryInputs, StepContext, StepReport};
+use super::stepper::{BoundaryInputs, PassReport, StepContext};
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_base::par;
@@ -80,7 +80,7 @@ impl FlowState {
         first: BoundaryInputs<'_>,
         second: Option<BoundaryInputs<'_>>,
         snapshot: Option<SnapshotTarget<'_>>,
-    ) -> StepReport {
+    ) -> PassReport {
         let parity = self.next_parity();
         self.step += 1 + u64::from(second.is_some());
         let context = StepContext { tables: &self.tables, domain: &self.domain, parity, first, second };

@@ -25,7 +25,7 @@ pub(super) fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> 
                 continue;
             }
             let triangles = surface_triangles(&solid.form);
-            let fills = |at: f64| fills_part_of_side(solid, &triangles, &BoxSide { axis, at, low, high });
+            let fills = |at: f64| overlaps_side(solid, &triangles, &BoxSide { axis, at, low, high });
             let crosses =
                 [low[axis], high[axis]].map(|side| reaches(side) && fills(side - slack) && fills(side + slack));
             if crosses[0] == crosses[1] {
@@ -58,7 +58,7 @@ struct BoxSide {
 
 /// Whether a solid with these triangles contains part of a side: a triangle cuts the side, or the whole side lies
 /// inside the solid.
-fn fills_part_of_side(solid: &Solid, triangles: &[[Vec3; 3]], side: &BoxSide) -> bool {
+fn overlaps_side(solid: &Solid, triangles: &[[Vec3; 3]], side: &BoxSide) -> bool {
     let mut middle = (side.low + side.high) / 2.0;
     middle[side.axis] = side.at;
     triangles.iter().any(|triangle| cuts_side(triangle.map(|p| p.as_dvec3()), side)) || solid.contains(middle.as_vec3())
@@ -132,7 +132,7 @@ mod tests {
         let mesh = Form::Shell(Arc::new(Shell::new(&points, &triangles).expect("a block")));
         let [prism, mesh] = [prism, mesh].map(|form| {
             let triangles = surface_triangles(&form);
-            fills_part_of_side(&Solid { name: "block".into(), form, humidity: 0.5 }, &triangles, &SIDE)
+            overlaps_side(&Solid { name: "block".into(), form, humidity: 0.5 }, &triangles, &SIDE)
         });
         assert_eq!(prism, mesh);
         prism

@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::blockage::narrowest_open_share;
 use super::cells::cell_center;
 use super::collide::{MAX_SPEED, smagorinsky_factor};
-use super::cut_links::HalfLinkCutMask;
+use super::cut_links::CutHalfLinks;
 use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotTarget};
 use super::domain::Domain;
 use super::flow::{FlowState, LayerVelocityIncrement};
@@ -104,7 +104,7 @@ impl LatticeSolver {
         let (origin, spacing) = (setup.origin, options.spacing);
         let faces = face_conditions(options, 0.0);
         let solid = voxelize(&grid, setup.cells(), solids);
-        let cuts = HalfLinkCutMask::find(&grid, setup.cells(), solids, &solid);
+        let cuts = CutHalfLinks::find(&grid, setup.cells(), solids, &solid);
         let mut domain = Domain { grid, faces: faces_ever_open(options), solid, cuts };
         let report = fill_and_check_solids(&mut domain, solids, setup.cells(), setup.along);
         domain.faces = faces;
@@ -220,7 +220,7 @@ impl LatticeSolver {
     pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<WindSnapshot>> {
         let mut values = self.snapshot_buffer();
         // Stay inside the thread pool for the whole frame: entering it for every step costs more than small steps do.
-        par::among(|| self.run_to_frame(&mut values, progress, cancel))?;
+        par::among(|| self.run_to_next_frame(&mut values, progress, cancel))?;
         let time = self.setup.snapshot_time(f64::from(self.frames));
         self.frames += 1;
         let snapshot = Arc::new(WindSnapshot { grid: Arc::clone(&self.grid), values, time });
@@ -244,7 +244,7 @@ impl LatticeSolver {
     }
 
     /// Runs to the next frame and writes its snapshot.
-    fn run_to_frame(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+    fn run_to_next_frame(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
         // Frame k is reached after the spin-up and k times the steps of a frame.
         let until = self.setup.spin_up + u64::from(self.frames) * u64::from(self.setup.steps);
         if self.frames == 0 && self.flow.step == 0 {

@@ -68,7 +68,7 @@ pub(super) struct StepContext<'a> {
 
 /// Clamped cells of a pass of one or two steps, and diagnostics if it wrote a snapshot.
 #[derive(Debug)]
-pub(super) struct StepReport {
+pub(super) struct PassReport {
     /// Clamped cells of the first step and of the second.
     pub clamped: [u64; 2],
     /// Diagnostics of the planes if the pass wrote a snapshot; else empty.
@@ -100,7 +100,7 @@ impl StepContext<'_> {
         populations: &mut Populations,
         exchange: &mut BoundaryExchange,
         snapshot: Option<SnapshotTarget<'_>>,
-    ) -> StepReport {
+    ) -> PassReport {
         let kind = self.pass_kind();
         // Outlet densities follow from the mean outflow, measured again before every even step.
         if self.parity == StepParity::Even {
@@ -124,7 +124,7 @@ impl StepContext<'_> {
         let mut planes: Vec<_> = results.into_iter().flat_map(|r| r.diagnostics).collect();
         planes.sort_by_key(|(z, _)| *z);
         let diagnostics = FlowDiagnostics { planes: planes.into_iter().map(|(_, plane)| plane).collect() };
-        StepReport { clamped, diagnostics }
+        PassReport { clamped, diagnostics }
     }
 
     /// Computes the ghost populations of the first step.

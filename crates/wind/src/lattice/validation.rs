@@ -13,7 +13,7 @@
 )]
 
 use super::collide::{equilibrium, smagorinsky_factor};
-use super::cut_links::HalfLinkCutMask;
+use super::cut_links::CutHalfLinks;
 use super::domain::{Domain, FaceCondition};
 use super::flow::FlowState;
 use super::grid::{LatticeGrid, StepParity};
@@ -41,7 +41,7 @@ fn domain(n: [usize; 3], faces: [FaceCondition; 6], solid: impl Fn([usize; 3]) -
             }
         }
     }
-    Domain { grid, faces, solid: list, cuts: HalfLinkCutMask::default() }
+    Domain { grid, faces, solid: list, cuts: CutHalfLinks::default() }
 }
 
 /// The domain with every eighth half link of some cells cut, at random, including those at faces.
@@ -52,7 +52,7 @@ fn with_random_cuts(mut domain: Domain, cut: impl Fn([usize; 3]) -> bool) -> Dom
         let bits = (1..Q).filter(|_| rng.unit_f64() < 0.125).fold(0, |bits, i| bits | 1 << i);
         if cut([c % n[0], c / n[0] % n[1], c / n[0] / n[1]]) { bits } else { 0 }
     };
-    domain.cuts = HalfLinkCutMask::from_halves((0..domain.grid.cell_count()).map(half).collect());
+    domain.cuts = CutHalfLinks::from_halves((0..domain.grid.cell_count()).map(half).collect());
     domain
 }
 
@@ -473,7 +473,7 @@ fn cut_links_keep_mass_and_let_nothing_through() {
             let bits = (1..Q).filter(|i| c % n[0] == 11 && VELOCITIES[*i][0] == 1);
             bits.fold(0, |bits, i| bits | 1 << i)
         };
-        domain.cuts = HalfLinkCutMask::from_halves((0..domain.grid.cell_count()).map(half).collect());
+        domain.cuts = CutHalfLinks::from_halves((0..domain.grid.cell_count()).map(half).collect());
         let mut flow =
             if ours { TestFlow::production(domain, 0.6, [0.0; 3]) } else { TestFlow::reference(domain, 0.6, [0.0; 3]) };
         for y in 0..n[1] {

@@ -302,7 +302,7 @@ impl FlightPlayback {
         let before = state.twigs.take().map_or_else(|| twigs_at(state.frames), Ok)?;
         let after = twigs_at(state.frames + 1)?;
         // If the first interval is shorter, only its last part is simulated.
-        let simulated = if state.frames == 0 { self.spin_up.first_share(fps) } else { 1.0 };
+        let simulated = if state.frames == 0 { self.spin_up.first_interval_share(fps) } else { 1.0 };
         for k in 0..substeps {
             let share = 1.0 - simulated + simulated * (f64::from(k) / f64::from(substeps));
             self.move_pending_with_twigs(state, [&before, &after], share);
@@ -492,7 +492,7 @@ impl SpinUp {
     }
 
     /// Duration of the first interval, as a share of that between two frames.
-    fn first_share(self, fps: f64) -> f64 {
+    fn first_interval_share(self, fps: f64) -> f64 {
         if self.first > 0.0 { self.first * fps } else { 1.0 }
     }
 }

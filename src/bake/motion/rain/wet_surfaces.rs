@@ -79,12 +79,12 @@ pub(super) fn wet_exposed_surfaces(
 }
 
 /// Whether a material is bark, masonry or soil; leaves have got their film before, and water has none.
-fn is_wettable(material: &Material) -> bool {
+fn is_bark_or_ground(material: &Material) -> bool {
     matches!(material.class, MaterialClass::Bark | MaterialClass::Ground)
 }
 
 fn has_wettable_faces(mesh: &Mesh, materials: &[Material]) -> bool {
-    mesh.subsets.iter().any(|s| materials.get(to_usize(s.material)).is_some_and(is_wettable))
+    mesh.subsets.iter().any(|s| materials.get(to_usize(s.material)).is_some_and(is_bark_or_ground))
 }
 
 /// Whether vertices may be added to the mesh of an object: it must be still and have no skin, attributes or vertex colours.
@@ -97,7 +97,7 @@ fn can_be_cut(object: &MeshObject) -> bool {
 fn count_uses(mesh: &Mesh, wet: &[bool], materials: &[Material], uses: &mut [WetDryFaces]) {
     for subset in &mesh.subsets {
         let id = to_usize(subset.material);
-        if !materials.get(id).is_some_and(is_wettable) {
+        if !materials.get(id).is_some_and(is_bark_or_ground) {
             continue;
         }
         for face in to_usize(subset.first)..to_usize(subset.first + subset.count) {

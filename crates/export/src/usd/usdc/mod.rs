@@ -467,14 +467,14 @@ impl LayerWriter for UsdcWriter {
             }
         }
         self.write_sections()?;
-        std::mem::replace(&mut self.heap.sink, Box::new(ClosedSink)).commit()
+        std::mem::replace(&mut self.heap.sink, Box::new(DiscardingSink)).commit()
     }
 }
 
 /// Replaces the sink of a writer whose file is committed; discards everything.
-struct ClosedSink;
+struct DiscardingSink;
 
-impl ByteSink for ClosedSink {
+impl ByteSink for DiscardingSink {
     fn put(&mut self, _: &[u8]) -> Result<()> {
         Ok(())
     }

@@ -43,7 +43,7 @@ struct WetnessAtAge {
 impl WetnessReader<'_> {
     /// Wetness at texture coordinates, 0 to 1, equal to [`WetnessGrid::wetness`] but faster for successive close places.
     pub fn wetness(&mut self, uv: DVec2) -> f64 {
-        let Some(covered) = self.grid.covered_at(uv) else { return 0.0 };
+        let Some(covered) = self.grid.last_covered_at(uv) else { return 0.0 };
         match self.last {
             Some(last) if last.covered.to_bits() == covered.to_bits() => last.wetness,
             _ => self.last.insert(WetnessAtAge { covered, wetness: self.law.wetness(covered, self.t) }).wetness,
@@ -75,11 +75,11 @@ impl WetnessGrid {
 
     /// Wetness at texture coordinates and time `t`, s: 0 to 1.
     pub fn wetness(&self, uv: DVec2, t: f64, law: DryingLaw) -> f64 {
-        self.covered_at(uv).map_or(0.0, |covered| law.wetness(covered, t))
+        self.last_covered_at(uv).map_or(0.0, |covered| law.wetness(covered, t))
     }
 
     /// Time at which the cell at texture coordinates was last covered, s; `None` if it never was.
-    fn covered_at(&self, uv: DVec2) -> Option<f32> {
+    fn last_covered_at(&self, uv: DVec2) -> Option<f32> {
         let [x, y] = grid_cell(uv);
         self.last_covered.get(y * GRID_CELLS + x).copied().filter(|covered| covered.is_finite())
     }

@@ -33,14 +33,14 @@ pub(super) fn arch() -> Arch {
 
 /// Position and normal at the center of a kernel, and the scale of its leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct KernelCenter {
+pub(super) struct CenterOnLeaf {
     /// Position on the scaled leaf, m.
     pub p: [f32; 3],
     pub n: [f32; 3],
     pub scale: f32,
 }
 
-impl KernelCenter {
+impl CenterOnLeaf {
     /// Vectors from the center to texels at positions `p` of the blade at scale 1, m.
     #[inline(always)]
     fn offset<S: Simd>(&self, p: [F32Lanes<S>; 3]) -> [F32Lanes<S>; 3] {
@@ -55,7 +55,7 @@ fn dot<S: Simd>(d: [F32Lanes<S>; 3], v: [f32; 3]) -> F32Lanes<S> {
 
 /// A function of the position around a center on the leaf.
 pub(super) trait TexelKernel {
-    fn center(&self) -> &KernelCenter;
+    fn center(&self) -> &CenterOnLeaf;
 
     /// Values at vectors `d` from the center, m; 0 outside of the kernel.
     fn evaluate<S: Simd>(&self, d: [F32Lanes<S>; 3]) -> F32Lanes<S>;
@@ -64,7 +64,7 @@ pub(super) trait TexelKernel {
 /// Height of a cap over the leaf, m; [`SphericalCap::height`] and [`CapDeformation::to_undeformed`] in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CapHeightKernel {
-    center: KernelCenter,
+    center: CenterOnLeaf,
     /// Covectors that give the position in the undeformed footprint in base radii, 1/m.
     along: [f32; 3],
     across: [f32; 3],
@@ -84,7 +84,7 @@ pub(super) struct CapHeightKernel {
 
 impl CapHeightKernel {
     /// `axis`: the unit tangent along which the cap is stretched and sheared.
-    pub fn new(cap: &SphericalCap, deformation: &CapDeformation, center: KernelCenter, axis: Vec3) -> Self {
+    pub fn new(cap: &SphericalCap, deformation: &CapDeformation, center: CenterOnLeaf, axis: Vec3) -> Self {
         // Coordinates in the undeformed cap x = d . axis / (a stretch) and y = d . across stretch / a, with the factors in the covectors.
         let across = Vec3::from_array(center.n).cross(axis);
         Self {
@@ -104,7 +104,7 @@ impl CapHeightKernel {
 
 impl TexelKernel for CapHeightKernel {
     #[inline(always)]
-    fn center(&self) -> &KernelCenter {
+    fn center(&self) -> &CenterOnLeaf {
         &self.center
     }
 
@@ -134,8 +134,8 @@ impl TexelKernel for CapHeightKernel {
 /// Wetness around a path that was under water: w = peak edge(d) exp(-d / length), where d is the distance from the path. The end
 /// of the path is the center. Source: [yang-wu] eq. 11, for a drop that moves along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct WetSpotKernel {
-    pub center: KernelCenter,
+pub(super) struct WetPathKernel {
+    pub center: CenterOnLeaf,
     /// Vector from the center to the beginning of the path, m.
     pub path: [f32; 3],
     /// `path` divided by its squared length, 1/m; 0 for a path without length.
@@ -150,9 +150,9 @@ pub(super) struct WetSpotKernel {
     pub peak: f32,
 }
 
-impl TexelKernel for WetSpotKernel {
+impl TexelKernel for WetPathKernel {
     #[inline(always)]
-    fn center(&self) -> &KernelCenter {
+    fn center(&self) -> &CenterOnLeaf {
         &self.center
     }
 
@@ -242,7 +242,7 @@ impl<T: TexelKernel> WithSimd for MaxBlendPass<'_, T> {
                     let (from, to) = (from / GROUP * GROUP, to.next_multiple_of(GROUP).min(span.end));
                     count += (to - from) as u64;
                     let columns = ColumnSpan { start: y * raster.side + from, end: y * raster.side + to };
-                    let row = raster.texel_range(columns);
+                    let row = raster.row_texels(columns);
                     let texels = &mut texels[columns.start..columns.end];
                     if raster.blade_is_folded() {
                         raise_texels::<S, true>(simd, kernel, &row, texels);

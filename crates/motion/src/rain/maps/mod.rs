@@ -19,7 +19,7 @@ mod texel_window;
 mod uv_raster;
 
 use dirty_spans::{DirtyBits, DirtySpans, RowSpans};
-use kernels::{CapHeightKernel, DryingPass, KernelCenter, MaxBlendPass, NormalInputs, NormalPass, WetSpotKernel};
+use kernels::{CapHeightKernel, CenterOnLeaf, DryingPass, MaxBlendPass, NormalInputs, NormalPass, WetPathKernel};
 use texel_window::{ColumnSpan, TexelWindow};
 pub use uv_raster::UvRaster;
 
@@ -53,7 +53,7 @@ struct CapStamp {
 /// A wet spot and the texels that it may cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct WetSpotStamp {
-    kernel: WetSpotKernel,
+    kernel: WetPathKernel,
     window: TexelWindow,
 }
 
@@ -277,8 +277,8 @@ impl LeafWaterMaps {
         })
     }
 
-    fn kernel_center(&self, point: &SurfacePoint) -> KernelCenter {
-        KernelCenter { p: point.p.as_vec3().to_array(), n: point.n.as_vec3().to_array(), scale: self.scale }
+    fn kernel_center(&self, point: &SurfacePoint) -> CenterOnLeaf {
+        CenterOnLeaf { p: point.p.as_vec3().to_array(), n: point.n.as_vec3().to_array(), scale: self.scale }
     }
 
     /// Texels under caps that exist in only one of the last frame and this one. Merges the two sorted lists.
@@ -403,7 +403,7 @@ impl LeafWaterMaps {
             // The edge is one texel wide, so that the wet area does not depend on the resolution.
             let texel = point.dpdu.length().min(point.dpdv.length()) / n;
             let radius = WET_RADIUS_FACTOR * spot.a;
-            let kernel = WetSpotKernel {
+            let kernel = WetPathKernel {
                 center: self.kernel_center(&point),
                 path: path.as_vec3().to_array(),
                 along: (path / path.length_squared().max(f64::MIN_POSITIVE)).as_vec3().to_array(),

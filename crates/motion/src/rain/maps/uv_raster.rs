@@ -234,7 +234,7 @@ impl UvRaster {
 
     /// The texels of a range of indices; their normals only if the blade is folded.
     #[inline(always)]
-    pub(super) fn texel_range(&self, range: ColumnSpan) -> RasterRow<'_> {
+    pub(super) fn row_texels(&self, range: ColumnSpan) -> RasterRow<'_> {
         let ColumnSpan { start, end } = range;
         let [x, y, z] = &self.p;
         let p = [&x[start..end], &y[start..end], &z[start..end]];

@@ -138,7 +138,7 @@ impl<'a> DropPlacement<'a> {
         self.pose.position + self.pose.orientation * (s.p + s.n * (self.side * height))
     }
 
-    fn drop_motion(&self) -> DropMotion<'a> {
+    fn point_motion(&self) -> DropMotion<'a> {
         DropMotion { pose: self.pose, v: self.v }
     }
 
@@ -268,7 +268,7 @@ impl DropMesh {
             at(r1, phi, h.max(0.0))
         };
         let start = self.part_start();
-        let (motion, flip) = (placement.drop_motion(), placement.flip());
+        let (motion, flip) = (placement.point_motion(), placement.flip());
         let pole = self.add_vertex(sphere_point(0.0, 0.0), motion);
         let mut rim = Vec::new();
         for k in 1..=rings {
@@ -302,7 +302,7 @@ impl DropMesh {
         point: impl Fn(f64, f64) -> DVec3,
     ) {
         let start = self.part_start();
-        let (motion, flip) = (placement.drop_motion(), placement.flip());
+        let (motion, flip) = (placement.point_motion(), placement.flip());
         // The contact line is a crease: copies of its points have the normals of the skirt.
         let mut before: Vec<u32> = rim.iter().map(|i| self.duplicate_vertex(*i)).collect();
         // Rings from the contact line inwards, at a constant depth below the leaf.
@@ -325,7 +325,7 @@ impl DropMesh {
     fn add_tail_body(&mut self, placement: &DropPlacement<'_>, drop: &SessileDrop) {
         let Some(body) = TailedDropShape::new(placement, drop) else { return };
         let start = self.part_start();
-        let motion = placement.drop_motion();
+        let motion = placement.point_motion();
         let (rows, columns) = (body.row_count(self.detail.table_index()), TAIL_COLUMNS[self.detail.table_index()]);
         // The first and the last row shrink to a point.
         let ends = [0, rows].map(|k| {
@@ -362,7 +362,7 @@ impl DropMesh {
         ends: [u32; 2],
     ) {
         let start = self.part_start();
-        let (motion, flip) = (placement.drop_motion(), placement.flip());
+        let (motion, flip) = (placement.point_motion(), placement.flip());
         let (rows, columns) = (body.row_count(self.detail.table_index()), TAIL_COLUMNS[self.detail.table_index()]);
         let n = columns as usize;
         // The lower side has the same rows and columns.

@@ -64,7 +64,7 @@ impl RodSystem {
     /// [M (1/ht^2 + a/ht) + (1 + b/ht) K] dx = -M (x - xhat)/ht^2 + S(x) - (a M + b K) v(x), at `step.next`.
     fn assemble_newton_system(&mut self, ht: f64) {
         let inverse = 1.0 / ht;
-        let [now, then] = self.bdf_coefficients();
+        let [now, then] = self.bdf2_weights();
         // BDF2 velocity of the iterate: v = (x - 4/3 x_n + 1/3 x_(n-1)) / ht with ht = 2h/3; implicit Euler in a
         // first step.
         for i in 0..self.x.len() {
@@ -101,12 +101,12 @@ impl RodSystem {
     /// Weights of the present and the preceding state in the BDF2 formula. A first step is implicit Euler (weights 1, 0), whose
     /// error is that of a single step. If a state before the start were assumed instead, velocities would lag by a third of a
     /// step for ever.
-    fn bdf_coefficients(&self) -> [f64; 2] {
+    fn bdf2_weights(&self) -> [f64; 2] {
         if self.history_reset { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
     }
 
     fn accept_step(&mut self, ht: f64) {
-        let [share, then] = self.bdf_coefficients();
+        let [share, then] = self.bdf2_weights();
         // Shift the history: the new velocity is the BDF2 difference of positions.
         for i in 0..self.x.len() {
             for k in 0..9 {

@@ -1,7 +1,7 @@
 //! Static equilibrium, rest shapes whose equilibrium is the reference shape, and energies.
 
 use crate::rods::prism::{Vector9, corner_dot};
-use crate::rods::springs::{spring_energy, spring_vectors};
+use crate::rods::springs::{section_spring_energy, spring_vectors};
 use crate::rods::system::{RodSystem, subtract_corners};
 use crate::rods::tuning::{
     EQUILIBRIUM_TOLERANCE, MAX_EQUILIBRIUM_ITERATIONS, MAX_EQUILIBRIUM_SOLVES, MAX_NEWTON_STEP,
@@ -84,7 +84,7 @@ impl RodSystem {
         let mut sum = 0.0;
         for (i, s) in self.tree.sections.iter().enumerate() {
             let [up, over] = self.tree.predecessor_corner_positions(i, &self.x);
-            sum += spring_energy(&spring_vectors(&self.x[i], &up, &over), &s.stiffness, &s.rest_lengths);
+            sum += section_spring_energy(&spring_vectors(&self.x[i], &up, &over), &s.stiffness, &s.rest_lengths);
             let away = subtract_corners(&self.x[i], &self.step.places[i]);
             sum += 0.5 * self.dampings[s.rod].recovery * corner_dot(&away, &self.apply_mass(i, &away, true));
         }
