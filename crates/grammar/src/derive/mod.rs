@@ -93,7 +93,7 @@ enum Deferred {
     /// The derivation as a whole.
     Derivation(DeferredDerivation),
     /// The last step.
-    Step(DeferredStep),
+    Step(Box<DeferredStep>),
 }
 
 /// The final string, or the data to derive it again.
@@ -377,7 +377,7 @@ impl<'g> Derivation<'g> {
         let completed = if self.vm.stopped { self.steps_done } else { self.length };
         let string = std::mem::take(&mut self.string);
         let (count, deferred) = match self.deferred_step.take() {
-            Some(step) => (step.module_count, Some(Deferred::Step(step))),
+            Some(step) => (step.module_count, Some(Deferred::Step(Box::new(step)))),
             None => (string.len() as u64, None),
         };
         let modules = FinalModules { string, deferred, text: None, count };
