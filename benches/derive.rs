@@ -15,6 +15,10 @@ use osier::recipe::KeyTable as _;
 use osier::recipe::scene::CatkinKeys;
 
 fn read(text: &str) -> Grammar {
+    try_read(text).expect("reads")
+}
+
+fn try_read(text: &str) -> osier::Result<Grammar> {
     let defines = BTreeMap::new();
     let mut none = |r: &str, _: &str| Err(osier::Error::io("open", r, std::io::ErrorKind::NotFound.into()));
     let source = GrammarSource {
@@ -24,7 +28,7 @@ fn read(text: &str) -> Grammar {
         defines: &defines,
         functions: Default::default(),
     };
-    parse(&mut Sources::default(), source, &Limits::default()).expect("reads").0
+    Ok(parse(&mut Sources::default(), source, &Limits::default())?.0)
 }
 
 fn system(n: u32, rules: &str, axiom: &str, seed: &str) -> Grammar {
@@ -61,6 +65,34 @@ fn drawing(c: &mut Criterion) {
     group.finish();
 }
 
+/// Grammars that ask for endless work, until they are refused: at most 1 s each. `hostile_grammars_are_refused_after_little_work`
+/// of the grammar crate counts their work.
+fn hostile(c: &mut Criterion) {
+    let limits = Limits::default();
+    let cpfg = |steps: u32, axiom: &str, rules: &str| {
+        format!("Lsystem: 1\nderivation length: {steps}\nAxiom: {axiom}\n{rules}\nendlsystem\n")
+    };
+    let macros = (1..400)
+        .fold("#define M0(x) x\n".to_owned(), |text, i| text + &format!("#define M{i}(x) M{0}(x)M{0}(x)\n", i - 1));
+    let mut group = c.benchmark_group("hostile");
+    group.sample_size(10);
+    for (name, text) in [
+        ("doubling", cpfg(60, "F", "F --> FF")),
+        ("condition", cpfg(60, "F(1)", "F(x) : x>0 --> F(x*0.9)F(x*0.9)")),
+        ("contexts", cpfg(60, "B A(1)", "A(x) < A(y) --> A(x)A(y)\nB < A(x) : x>0 --> A(x)A(x)")),
+        ("loop", cpfg(1, "A", "A : {while (1) {x = x+1;}} 1 --> F")),
+        ("draws", cpfg(1, "A", "A : {i=0; while (i<999999) {x=biran(1000000,0.5); i=i+1;}} 1 --> F")),
+        ("decomposition", cpfg(1, "A", "A --> B\nDecomposition\nmaximum depth: 60\nB --> BB")),
+        ("macros", macros + &cpfg(1, "M399(F)", "F --> F")),
+        ("brackets", cpfg(1, &"[".repeat(1_000_000), "F --> F")),
+    ] {
+        let refused =
+            || try_read(&text).and_then(|g| derive(&g, &DeriveOptions::default(), &limits)).expect_err("hostile");
+        group.bench_function(name, |b| b.iter(refused));
+    }
+    group.finish();
+}
+
 /// Five tufts of hair from text to curves: at most 5 ms (table 4 of [catkin]: 15 s).
 fn catkins(c: &mut Criterion) {
     let (limits, cancel) = (Limits::default(), Cancel::default());
@@ -74,5 +106,5 @@ fn catkins(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, derivation, drawing, catkins);
+criterion_group!(benches, derivation, drawing, hostile, catkins);
 criterion_main!(benches);

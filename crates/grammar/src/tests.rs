@@ -6,6 +6,7 @@ use super::*;
 
 mod features;
 mod foreign;
+mod hostile;
 
 pub(crate) fn read(text: &str) -> (Grammar, Vec<Diagnostic>) {
     try_read(text).unwrap_or_else(|e| panic!("{e}"))

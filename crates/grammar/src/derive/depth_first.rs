@@ -32,7 +32,7 @@ pub(super) trait ModuleSink {
     fn modules(&mut self, block: &Block<'_>, range: Range<usize>) -> ControlFlow<()>;
 }
 
-/// The modules that one application of a production made.
+/// The modules that one application of a production made, or a single module that was kept.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block<'a> {
     pub symbols: &'a [SymbolId],
@@ -40,7 +40,7 @@ pub(super) struct Block<'a> {
     ends: &'a [u32],
     params: &'a [f32],
     ids: &'a [LineageIds],
-    /// Lineages of the axiom's modules, which have no parent; empty for all other blocks.
+    /// Lineages of modules that are known, as those of the axiom, which have no parent; empty for all other blocks.
     axiom_lineages: &'a [u64],
     /// Lineage of the module that was rewritten; 0 where no lineage is needed.
     parent: u64,
@@ -51,9 +51,30 @@ pub(super) struct Block<'a> {
 
 impl<'a> Block<'a> {
     #[inline]
-    fn new(template: &'a Template<'_>, params: &'a [f32], axiom_lineages: &'a [u64], parent: u64, birth: u32) -> Self {
+    pub fn new(
+        template: &'a Template<'_>,
+        params: &'a [f32],
+        axiom_lineages: &'a [u64],
+        parent: u64,
+        birth: u32,
+    ) -> Self {
         let Template { symbols, ends, ids, .. } = template;
         Self { symbols, ends, params, ids, axiom_lineages, parent, birth, text: template.text.as_ref() }
+    }
+
+    /// A module that a step leaves unchanged. `end`: number of its parameters; `lineage`: its own.
+    #[inline]
+    pub fn of_module(module: &'a Module<'a>, end: &'a u32, lineage: &'a u64) -> Self {
+        Self {
+            symbols: std::slice::from_ref(&module.symbol),
+            ends: std::slice::from_ref(end),
+            params: module.params,
+            ids: &[],
+            axiom_lineages: std::slice::from_ref(lineage),
+            parent: 0,
+            birth: module.birth,
+            text: None,
+        }
     }
 
     #[inline]

@@ -9,7 +9,8 @@ use super::plan::RewritePlan;
 use super::text::{TextSink, repeated_text, repeats};
 use super::weighted_text::{is_drawn_by_weight, weighted_text};
 use super::{
-    Derivation, DeriveOptions, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict,
+    Deferred, Derivation, DeriveOptions, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error,
+    predict,
 };
 use crate::grammar::{Grammar, runtime_report};
 use crate::modules::{Module, ModuleString};
@@ -30,7 +31,7 @@ const MAX_STEP_VALUES: usize = 1 << 22;
 
 /// Data to run a derivation again for each use of its modules instead of storing them.
 #[derive(Debug, Clone)]
-pub(super) struct Deferred {
+pub(super) struct DeferredDerivation {
     axiom: ModuleString,
     /// Global variables after the `Start` block; `step_globals` holds those after the `StartEach` block of each step, if
     /// blocks change them.
@@ -65,7 +66,7 @@ impl<F: FnMut(Module<'_>) -> ControlFlow<()>> ModuleSink for CallingSink<F> {
     }
 }
 
-impl Deferred {
+impl DeferredDerivation {
     /// Prepares the derivation from its beginning. `streams`: its random streams.
     fn restart<'p>(
         &self,
@@ -166,7 +167,7 @@ impl Derivation<'_> {
         if let Err(halt) = self.run_block(end, last) {
             return Err(self.halt_report(halt));
         }
-        let deferred = (storage != Storage::String).then_some(deferred);
+        let deferred = (storage != Storage::String).then_some(Deferred::Derivation(deferred));
         Ok(self.result(options, FinalModules { string, deferred, text, count: counts.modules }, last))
     }
 
@@ -193,7 +194,7 @@ impl Derivation<'_> {
 
     /// Runs the blocks of all steps; `None` if their values are too many to store. Afterwards the global variables have
     /// their final values.
-    fn run_blocks(&mut self) -> std::result::Result<Option<Deferred>, Halt> {
+    fn run_blocks(&mut self) -> std::result::Result<Option<DeferredDerivation>, Halt> {
         self.begin()?;
         let axiom = std::mem::take(&mut self.string);
         let start_globals = self.vm.globals.clone();
@@ -218,7 +219,7 @@ impl Derivation<'_> {
                 }
             }
         }
-        Ok(Some(Deferred { axiom, start_globals, step_globals, last_step }))
+        Ok(Some(DeferredDerivation { axiom, start_globals, step_globals, last_step }))
     }
 
     /// A new derivation with the same input, as before its first block.
@@ -231,7 +232,7 @@ impl Derivation<'_> {
     fn independent_report(
         &self,
         halt: Halt,
-        deferred: &Deferred,
+        deferred: &DeferredDerivation,
         streams: RandomStreams,
         bounds: DerivationBounds,
     ) -> osier_base::Error {
@@ -248,7 +249,7 @@ impl Derivation<'_> {
     /// a derivation of about that length. `None` if one of these derivations halts for another reason.
     fn first_step_beyond(
         &self,
-        deferred: &Deferred,
+        deferred: &DeferredDerivation,
         streams: RandomStreams,
         bounds: DerivationBounds,
     ) -> Option<(u32, DerivationCounts)> {
@@ -359,6 +360,12 @@ impl DerivedString {
         limits: &Limits,
         sink: &mut S,
     ) -> Result<()> {
+        let deferred = match deferred {
+            Deferred::Derivation(deferred) => deferred,
+            Deferred::Step(step) => {
+                return step.run(grammar, limits, sink).map_err(|halt| halt_error(grammar, halt, self.length, limits));
+            }
+        };
         let plan = RewritePlan::new(&grammar.program, &grammar.program.rules, self.stochastic);
         let streams = RandomStreams::new(self.seed, self.plant_id, self.file_seed);
         let bounds = DerivationBounds::new(self.length, deferred.last_step, limits);

@@ -1,5 +1,6 @@
 //! Derivation: from the axiom through the steps to the final string.
 
+mod deferred_step;
 mod depth_first;
 mod expand;
 mod in_order;
@@ -27,7 +28,8 @@ use super::modules::ModuleString;
 use super::program::{Program, Section};
 use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
-use independent::Deferred;
+use deferred_step::DeferredStep;
+use independent::DeferredDerivation;
 use matching::Brackets;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
@@ -85,6 +87,15 @@ pub struct DerivedString {
     last_step: Option<std::sync::Arc<LastStep>>,
 }
 
+/// What is run again for each use of the final string instead of storing it.
+#[derive(Debug, Clone)]
+enum Deferred {
+    /// The derivation as a whole.
+    Derivation(DeferredDerivation),
+    /// The last step.
+    Step(Box<DeferredStep>),
+}
+
 /// The final string, or the data to derive it again.
 struct FinalModules {
     string: ModuleString,
@@ -106,8 +117,9 @@ pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Re
     derive_with(grammar, options, limits, Storage::String, None)
 }
 
-/// Derives a grammar without storing its string if its modules are rewritten independently of each other: only counts the
-/// modules, and [`interpret`] derives them again while it draws.
+/// Derives a grammar without storing its final string: only counts the modules, and [`interpret`] derives them again while it
+/// draws. If modules are rewritten independently of each other, no string is stored at all; else that before the last step is. The
+/// final string is stored after decompositions and queries, with sub-L-systems, and if it is rewritten from its end.
 /// # Errors
 /// Errors of [`derive()`].
 pub fn derive_deferred(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
@@ -150,6 +162,7 @@ fn derive_with(
     if storage == Storage::Text && !plans.draws() && turtle.is_none() {
         (d.string, d.next_string) = (ModuleString::without_ancestry(), ModuleString::without_ancestry());
     }
+    d.defers_step = storage == Storage::Deferred && turtle.is_none();
     d.derive_by_steps(options, turtle)
 }
 
@@ -177,6 +190,10 @@ pub(super) struct Derivation<'g> {
     /// Error of the interpretation for a query; returned in place of [`Halt::Query`].
     query_error: Option<osier_base::Error>,
     options: DeriveOptions,
+    /// True if the string of the last step need not be stored.
+    defers_step: bool,
+    /// The last step, if its string is not stored.
+    deferred_step: Option<DeferredStep>,
 }
 
 impl<'g> Derivation<'g> {
@@ -219,6 +236,8 @@ impl<'g> Derivation<'g> {
             has_queries: program.has_queries(),
             query_error: None,
             options: options.clone(),
+            defers_step: false,
+            deferred_step: None,
         }
     }
 
@@ -258,6 +277,8 @@ impl<'g> Derivation<'g> {
             }
             let changed = if self.vm.cpfg.is_some() && !self.program.steps_backward(&self.vm.globals) {
                 self.rewrite_in_order(step)?
+            } else if self.defers_step && step == self.length && self.can_defer_step() {
+                self.count_step(step)?
             } else {
                 let rewritten = self.rewrite_string(step)?;
                 self.decompose(step)? || rewritten
@@ -355,8 +376,11 @@ impl<'g> Derivation<'g> {
     fn finish(mut self, options: &DeriveOptions) -> DerivedString {
         let completed = if self.vm.stopped { self.steps_done } else { self.length };
         let string = std::mem::take(&mut self.string);
-        let count = string.len() as u64;
-        let modules = FinalModules { string, deferred: None, text: None, count };
+        let (count, deferred) = match self.deferred_step.take() {
+            Some(step) => (step.module_count, Some(Deferred::Step(Box::new(step)))),
+            None => (string.len() as u64, None),
+        };
+        let modules = FinalModules { string, deferred, text: None, count };
         self.result(options, modules, completed)
     }
 

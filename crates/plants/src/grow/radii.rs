@@ -81,7 +81,7 @@ struct CachedPower {
 
 impl CachedPower {
     /// Number of results that are kept, as a power of two.
-    const BITS: u32 = 10;
+    const BITS: u32 = 12;
 
     fn new(exponent: f64) -> Self {
         Self { exponent, known: vec![(1.0_f64.to_bits(), 1.0); 1 << Self::BITS] }

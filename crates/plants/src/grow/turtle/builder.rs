@@ -1,13 +1,13 @@
 //! Collects segments and organs in the order of drawing and builds the plant in its canonical order.
 
-use glam::{DQuat, DVec3, Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::frame::{TurtleFrame, TurtlePose, narrow, narrow_quat};
 use super::options::TurtleOptions;
 use osier_base::math;
 use osier_base::rng::{child, mix64, word};
-use osier_base::simd::{F64Lanes, Lane as _};
+use osier_base::simd::{F32Lanes, F64Lanes, Lane as _};
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
 
 /// Nodes nearer to each other than this are merged, m. Shorter segments have no reliable direction in single precision.
@@ -579,8 +579,10 @@ struct FrameBatch {
     /// vector (x, y, z), and 1 for a node between two segments. At the ends of an axis the only direction is stored
     /// first.
     rows: [[f64; BATCH]; 10],
-    /// Frames (x, y, z, w), and the reciprocals of the lengths by which vectors were divided.
-    frames: [[f64; BATCH]; 7],
+    /// Frames (x, y, z, w) in double precision, and the product of the reciprocals of the lengths by which vectors were divided.
+    frames: [[f64; BATCH]; 5],
+    /// Frames in single precision, normalized again.
+    stored: [[f32; BATCH]; 4],
 }
 
 impl FrameBatch {
@@ -606,10 +608,12 @@ impl FrameBatch {
     fn finish(&mut self, nodes: &mut [StoredNode]) {
         Arch::new().dispatch(&mut *self);
         for k in 0..self.count {
-            let [x, y, z, w, bisected, along, across] = self.frames.each_ref().map(|row| row[k]);
-            // Where a length is 0 or NaN, `FrameSource::frame` uses another direction instead of the vector.
-            let is_usual = [bisected, along, across].iter().all(|r| r.is_finite() && *r > 0.0);
-            let q = if is_usual { narrow_quat(DQuat::from_xyzw(x, y, z, w)) } else { self.source(k).frame() };
+            // Where a length is 0 or NaN, `FrameSource::frame` uses another direction instead of the vector. Its result is the same
+            // where only the product leaves the range of numbers.
+            let product = self.frames[4][k];
+            let is_usual = product.is_finite() && product > 0.0;
+            let stored = || Quat::from_array(self.stored.each_ref().map(|row| row[k]));
+            let q = if is_usual { stored() } else { self.source(k).frame() };
             if let Some(node) = nodes.get_mut(self.nodes[k] as usize) {
                 node.q = q;
             }
@@ -672,8 +676,27 @@ impl WithSimd for &mut FrameBatch {
             let z = largest.pick(xz, yz, four, wz) * per;
             let w = largest.pick(wx, wy, wz, four) * per;
             let norm = one.div((x * x + y * y + z * z + w * w).sqrt());
-            let out = [x * norm, y * norm, z * norm, w * norm, bisected, along, across];
+            let out = [x * norm, y * norm, z * norm, w * norm, bisected * along * across];
             for (row, value) in self.frames.iter_mut().zip(out) {
+                value.partial_store(&mut row[part.clone()]);
+            }
+        }
+        for (row, wide) in self.stored.iter_mut().zip(&self.frames) {
+            for (value, wide) in row.iter_mut().zip(wide) {
+                *value = math::narrow(*wide);
+            }
+        }
+        let lanes = S::F32_LANES.min(BATCH);
+        for first in (0..self.count).step_by(lanes) {
+            let part = first..(first + lanes).min(BATCH);
+            // As `narrow_quat` normalizes.
+            let rows = &self.stored;
+            let x = F32Lanes::partial_load(simd, &rows[0][part.clone()]);
+            let y = F32Lanes::partial_load(simd, &rows[1][part.clone()]);
+            let z = F32Lanes::partial_load(simd, &rows[2][part.clone()]);
+            let w = F32Lanes::partial_load(simd, &rows[3][part.clone()]);
+            let norm = F32Lanes::from_scalar(simd, 1.0).div((x * x + y * y + z * z + w * w).sqrt());
+            for (row, value) in self.stored.iter_mut().zip([x * norm, y * norm, z * norm, w * norm]) {
                 value.partial_store(&mut row[part.clone()]);
             }
         }

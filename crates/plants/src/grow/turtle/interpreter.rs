@@ -414,6 +414,7 @@ impl<'a> Turtle<'a> {
     }
 
     /// Interprets one module; modules must come in the order of the string.
+    #[inline]
     pub fn module(&mut self, m: Module<'_>) {
         if self.halted {
             return;
@@ -431,20 +432,28 @@ impl<'a> Turtle<'a> {
         }
         // Commands of several symbols are read by a small state machine: the prefix says what the symbols before this
         // one began.
-        match std::mem::replace(&mut self.prefix, Prefix::None) {
-            Prefix::None => self.command(command, c, m),
+        let is_read = match std::mem::replace(&mut self.prefix, Prefix::None) {
+            Prefix::None => false,
+            prefix => self.follow_prefix(prefix, c, m),
+        };
+        if !is_read {
+            self.command(command, c, m);
+        }
+    }
+
+    /// Interprets a symbol after the beginning of a command; false if the symbol does not belong to it.
+    fn follow_prefix(&mut self, prefix: Prefix, c: char, m: Module<'_>) -> bool {
+        match prefix {
+            Prefix::None => return false,
             Prefix::At => self.at_command(c, m),
-            Prefix::Letter(first) => {
-                if !self.at_command_letter(first, c, m) {
-                    self.command(command, c, m);
-                }
-            }
+            Prefix::Letter(first) => return self.at_command_letter(first, c, m),
             Prefix::Organ => {
                 let size = self.param(m, 0, 1.0) * self.growth.size;
                 self.organ(c, size, m);
             }
             Prefix::Query => self.query(c),
         }
+        true
     }
 
     /// Whether a symbol is cut: a `%`, or a symbol after one on the same branch. The bracket that closes the branch is not cut.
@@ -464,21 +473,30 @@ impl<'a> Turtle<'a> {
     }
 
     /// Parameter `i`, or the default. A value that is not finite counts as 0 and is warned of (L041).
+    #[inline]
     pub(super) fn param(&mut self, m: Module<'_>, i: usize, default: f64) -> f64 {
         match m.params.get(i) {
             None => default,
             Some(v) if v.is_finite() => f64::from(*v),
             Some(_) => {
-                let c = self.grammar.symbols().get(m.symbol);
-                let message = format!("parameter {} of {c} is not finite and counts as 0", i + 1);
-                let help = "look for a logarithm of 0, a root of a negative number, or a value that grows without end";
-                self.warn_of_parameter(m, i, message, help);
+                self.warn_of_infinite(m, i);
                 0.0
             }
         }
     }
 
-    /// Performs a command that is a single symbol, or records the prefix of a command of several symbols.
+    /// Warns that parameter `i` of a module is not finite.
+    #[cold]
+    fn warn_of_infinite(&mut self, m: Module<'_>, i: usize) {
+        let c = self.grammar.symbols().get(m.symbol);
+        let message = format!("parameter {} of {c} is not finite and counts as 0", i + 1);
+        let help = "look for a logarithm of 0, a root of a negative number, or a value that grows without end";
+        self.warn_of_parameter(m, i, message, help);
+    }
+
+    /// Performs a command that is a single symbol, or records the prefix of a command of several symbols. Inlined into its only
+    /// caller, since each module would be copied for the call.
+    #[inline(always)]
     fn command(&mut self, command: Command, c: char, m: Module<'_>) {
         if command == Command::Nothing {
             return;
