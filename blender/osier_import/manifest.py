@@ -199,7 +199,7 @@ def _bake(path: str, data: dict[str, Any]) -> Bake:
     _check_files(path, folder, needed)
     if not view:
         notes.append("the manifest has no camera and light: bake again with a newer osier")
-    if any(m.get("leaf_ids") and not m["maps"].get("wetness") for m in data["materials"]):
+    if any(m["class"] == "leaf" and m.get("leaf_ids") and not m["maps"].get("wetness") for m in data["materials"]):
         notes.append("the leaves are dry, since the bake has no maps of their water: bake with --formats usd,exr")
     return Bake(
         path=path,
@@ -290,6 +290,9 @@ def _material(entry: dict[str, Any]) -> dict[str, Any]:
         "translucency": min(max(float(params.get("translucency") or 0.0), 0.0), 1.0),
         "alpha_cutoff": None if cutoff is None else float(cutoff),
         "vertex_colors": bool(params.get("vertex_colors")),
+        # Of bark, which absorbs water; None stands for those of the bake.
+        "wet_albedo": params.get("wet_albedo"),
+        "wet_roughness": params.get("wet_roughness"),
     }
 
 

@@ -237,12 +237,14 @@ def _surface(tree: bpy.types.NodeTree, bake: Bake, entry: dict[str, Any]) -> Non
         factor.node.blend_type = "MULTIPLY"
         tree.links.new(wetness, factor)
         _join(tree, color, a)
-        b.default_value = (*(bake.wet_albedo,) * 3, 1.0)
+        albedo = entry.get("wet_albedo")
+        b.default_value = (*(bake.wet_albedo if albedo is None else float(albedo),) * 3, 1.0)
         color = result
         factor, a, b, result = _mix(tree, "FLOAT", "wet rough", -500, 200)
         tree.links.new(wetness, factor)
         _join(tree, rough, a)
-        b.default_value = min(bake.wet_roughness, entry["roughness"])
+        wet_rough = entry.get("wet_roughness")
+        b.default_value = min(bake.wet_roughness if wet_rough is None else float(wet_rough), entry["roughness"])
         rough = result
     normal = None
     file = maps.get("normal") or slots.get("normal")

@@ -169,6 +169,34 @@ fn catkins_without_a_start_are_counted_with_the_mend() {
     assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 3.0).abs() < 0.5);
 }
 
+/// Points of a PLY file, as other programs and osier itself write them, are starts as those of a text file are.
+#[test]
+fn catkins_start_at_the_points_of_a_ply_file() {
+    let dir = tempfile::tempdir().expect("dir");
+    std::fs::write(dir.path().join("starts.csv"), "0,5,0\n-3,4.5,1\n2,6,-2\n").expect("points");
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nend_header\n";
+    let values = [0.0_f32, 5.0, 0.0, -3.0, 4.5, 1.0, 2.0, 6.0, -2.0];
+    let bytes: Vec<u8> = header.bytes().chain(values.iter().flat_map(|v| v.to_le_bytes())).collect();
+    std::fs::write(dir.path().join("starts.ply"), bytes).expect("points");
+    std::fs::write(dir.path().join("broken.ply"), header).expect("points");
+    let text = |file: &str| {
+        format!(
+            "[frames]\nend = 4\n[catkin]\nhairs = 20\nlod = 2\n[wind]\nspeed = 2\n[flight]\nrelease = \"points\"\n\
+             points = \"{file}\"\n"
+        )
+    };
+    let rows = |name: &str, file: &str| {
+        let out = baked(dir.path(), name, &scene(dir.path(), name, &text(file)), &["--formats", "points"]);
+        std::fs::read_to_string(out.join("points/catkins_0004.csv")).expect("table")
+    };
+    let of_text = rows("out_csv", "starts.csv");
+    assert!(of_text.lines().count() == 4 && of_text == rows("out_ply", "starts.ply"), "{of_text}");
+    let run = osier(&["check", scene(dir.path(), "broken", &text("broken.ply")).to_str().expect("path")]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(!run.status.success() && said.contains("S003") && said.contains("does not hold the 3 vertices"), "{said}");
+}
+
 /// A plant without branches has no twig that releases catkins, which is told.
 #[test]
 fn plants_without_twigs_release_nothing_with_a_warning() {

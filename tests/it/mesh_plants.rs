@@ -120,6 +120,45 @@ fn in_the_wind_the_foot_stays_the_tips_move_and_nothing_tears() {
     }
 }
 
+/// A tree of a .glb, here one that osier has written, with leaves as instances: it sways as the same tree of an OBJ.
+#[test]
+fn a_tree_of_a_glb_sways() {
+    let folder = tempfile::tempdir().expect("folder");
+    let source = folder.path().join("source.toml");
+    let still = "[plants.tree]\nmesh = \"young-tree.obj\"\nmotion = \"still\"\n[[place]]\nplant = \"tree\"\n[ground]\nshow = false\n";
+    std::fs::write(&source, still).expect("scene");
+    let mut osier = assert_cmd::Command::cargo_bin("osier").expect("osier");
+    let bake = ["-q", "bake", "source.toml", "-o", "out", "--formats", "glb"];
+    osier.current_dir(folder.path()).args(bake).assert().success();
+    std::fs::copy(folder.path().join("out/gltf/source.web.glb"), folder.path().join("tree.glb")).expect("a copy");
+    let way = |mesh: &str| {
+        let text = format!(
+            "[frames]\nend = 24\n[plants.tree]\nmesh = \"{mesh}\"\nmotion = \"cache\"\n[plants.tree.wood]\nstiffness = 0.3\n[wind]\nspeed = 9\n"
+        );
+        let stage = built(folder.path(), &text).animated;
+        let asset = &stage.scene.assets[0];
+        let rest = &asset.meshes[0].mesh;
+        let (low, high) = (rest.bounds().min.y, rest.bounds().max.y);
+        let (mut tips, mut most) = (0.0_f32, 0.0_f32);
+        for number in [1, 9, 17, 24] {
+            let now = evaluate_frame(&stage.scene, &stage.motions, number, false).expect("a frame");
+            let moved = mesh_points(asset, &asset.meshes[0], 0, &now.assets[0]).into_owned();
+            most = most.max(strain(rest, &moved));
+            for (p, q) in rest.points.iter().zip(&moved) {
+                let way = p.distance(*q);
+                assert!(p.y > low + 0.05 || way < 2e-3, "{mesh}: the foot moves by {way} m at {p}");
+                tips = if p.y > high - 0.1 { tips.max(way) } else { tips };
+            }
+        }
+        assert!(most < 0.08, "{mesh}: an edge changes by {:.1} %", most * 100.0);
+        (tips, asset.instancers.iter().map(osier::scene::Instancer::len).sum::<usize>())
+    };
+    let ((of_obj, leaves), (of_glb, same)) = (way("young-tree.obj"), way("tree.glb"));
+    println!("the top moves by {of_obj:.3} m from OBJ, by {of_glb:.3} m from glb; {leaves} and {same} leaves");
+    assert_eq!(leaves, same);
+    assert!(of_glb > 0.02 && (of_glb / of_obj - 1.0).abs() < 0.1, "{of_obj} {of_glb}");
+}
+
 #[test]
 fn at_rest_the_wood_is_the_files_own_and_the_leaves_lie_where_they_lay() {
     let folder = tempfile::tempdir().expect("folder");

@@ -26,9 +26,9 @@ use super::wind_files::vti;
 /// Largest difference between what two parts of a scene see at one place and time, m/s.
 const SAME: f32 = 1e-6;
 
-/// A tree on the sway model, one on rods, a rod of its own, catkins and files of the wind. `{rain}`: a rain in place of the catkins,
-/// which moves the plants by itself.
-const SCENE: &str = "seed = 5\n[frames]\nend = 9\n[ground]\nshow = false\n[sway]\n{sway}\n\
+/// A tree on the sway model, one on rods, a rod of its own, and files of the wind. `{land}`: a ground or a terrain. `{more}`: catkins,
+/// and rain that falls on all of them.
+const SCENE: &str = "seed = 5\n[frames]\nend = 9\n{land}\n[sway]\n{sway}\n\
     [plants.tree]\nifs = \"sympodial.ifs.toml\"\nmotion = \"cache\"\n[plants.tree.tree]\neps = 0.4\n[plants.tree.bark]\nside = 16\n\
     [plants.bush]\nifs = \"sympodial.ifs.toml\"\n[plants.bush.tree]\neps = 0.6\n[plants.bush.bark]\nside = 16\n\
     [plants.bush.rods]\n\
@@ -36,8 +36,14 @@ const SCENE: &str = "seed = 5\n[frames]\nend = 9\n[ground]\nshow = false\n[sway]
     [[rod]]\npoints = [[0, 0, -1], [0, 2, -1]]\nradius_mm = [10, 10]\nsections = 6\n\
     [output]\nformats = [\"obj\"]\n[output.wind]\nvti_every = 4\n{wind}\n{more}\n";
 
-/// In the rain the tree would stand still.
-const TREE_PLACE: &str = "[[place]]\nplant = \"tree\"\nat = [-1, 0, 0]\n";
+/// Level ground, and a slope with hills under the whole lattice: heights of the wind are measured above it.
+const LANDS: [(&str, &str); 2] = [
+    ("level", "[ground]\nshow = false"),
+    (
+        "terrain",
+        "[terrain]\nsize = 16\nsubdivisions = 4\namplitude = 0.5\ncorners = [0.2, 1.2, 0.6, 1.6]\nfloor = 0.1\nside = 64",
+    ),
+];
 const FLIGHT: &str =
     "[flight]\ncount = 40\nsize = [12, 6, 8]\nspin_up_s = 0.25\nband = [0.2, 0.9]\n[catkin]\nhairs = 4\nlod = 3\n";
 const RAIN: &str = "[rain]\nrate_mm_per_h = 20\nspin_up_s = 0.25\n";
@@ -144,55 +150,88 @@ fn check(name: &str, observed: &Observed, users: &[(WindUser, [f64; 2])], folder
     assert!(worst <= SAME, "{name}: {worst} m/s");
 }
 
-fn scene_text(name: &str, wind: &str, sway: &str, more: &str) -> String {
+/// The scene in a wind, on a land, with more tables.
+fn scene_text(name: &str, wind: &str, sway: &str, land: &str, more: &str) -> String {
     let solver = if name == "inlet" { "analytic" } else { "lbm" };
-    SCENE.replace("{wind}", &wind.replace("{solver}", solver)).replace("{sway}", sway).replace("{more}", more)
+    let with_wind = SCENE.replace("{wind}", &wind.replace("{solver}", solver));
+    with_wind.replace("{sway}", sway).replace("{land}", land).replace("{more}", more)
 }
 
 /// Loops over which the sway of the scene's tree spins up.
 const SWAY_LOOPS: f64 = 1.0;
 
-/// Times that each user reads, s, from its spin-up to the last frame. `period`: of a loop.
-fn flight_users(period: Option<f64>) -> Vec<(WindUser, [f64; 2])> {
+/// Times that each user reads, s, from its spin-up to the last frame. `period`: of a loop. `rains`: rain steps the plants on rods.
+fn users(period: Option<f64>, rains: bool) -> Vec<(WindUser, [f64; 2])> {
     let end = 8.0 / 24.0;
     // The sway of a loop spins up over a whole number of loops, and is recorded over one.
     let sway = period.map_or([-5.0, end], |period| [-SWAY_LOOPS * period, period]);
+    // The plant on rods spins up for two seconds before it rains.
+    let rods_or_rain = if rains { (WindUser::Rain, [-2.25, end]) } else { (WindUser::RodPlants, [-2.0, end]) };
     vec![
         (WindUser::Sway, sway),
-        (WindUser::RodPlants, [-2.0, end]),
+        rods_or_rain,
         (WindUser::Rods, [0.0, end]),
         (WindUser::Flight, [-0.25, end]),
         (WindUser::Output, [0.0, end]),
     ]
 }
 
-#[test]
-fn all_parts_of_a_scene_are_in_one_wind() {
+/// Bakes the scene in one of [`WINDS`] with and without rain, as a loop and once, and checks what its parts sampled.
+fn parts_agree(number: usize) {
     let dir = tempfile::tempdir().expect("dir");
-    for (name, wind) in WINDS {
+    let (name, wind) = WINDS[number];
+    let end = 8.0 / 24.0;
+    for (land, of_land) in LANDS {
         for (label, sway, period) in [("once", "repeat = false", None), ("loop", "loop = 2", Some(2.0))] {
-            let name_and_label = format!("{name}, {label}");
-            let folder = dir.path().join(format!("{name}-{label}-flight"));
-            let observed = bake(&scene_text(name, wind, sway, FLIGHT), &folder, &Limits::default());
-            if name == "calm" {
-                assert!(observed.wind.wind_at_all_times(WindUser::Sway).is_none(), "{label}");
-                let still = observed.samples.values().flatten().all(|s| s.velocity == Vec3::ZERO);
-                assert!(still && observed.samples.contains_key(&WindUser::Flight), "{label}");
-                continue;
+            for (weather, more) in [("dry", FLIGHT.to_owned()), ("rain", format!("{FLIGHT}{RAIN}"))] {
+                let label = format!("{name}, {label}, {land}, {weather}");
+                let folder = dir.path().join(label.replace(", ", "-"));
+                let observed = bake(&scene_text(name, wind, sway, of_land, &more), &folder, &Limits::default());
+                if name == "calm" {
+                    assert!(observed.wind.wind_at_all_times(WindUser::Sway).is_none(), "{label}");
+                    let still = observed.samples.values().flatten().all(|s| s.velocity == Vec3::ZERO);
+                    assert!(still && observed.samples.contains_key(&WindUser::Flight), "{label}");
+                    // Files hold still air.
+                    assert!(
+                        vti(&folder.join("wind/box.0009.vti")).values.iter().flatten().all(|u| u.abs() <= 0.0),
+                        "{label}"
+                    );
+                    continue;
+                }
+                let field = observed.wind.wind_at_all_times(WindUser::Sway).expect("a wind");
+                let steady = name == "uniform";
+                assert_eq!(field.period(), if steady { Some(0.0) } else { period }, "{label}");
+                check(&label, &observed, &users(period, weather == "rain"), &folder);
+                assert!((observed.end - end).abs() < 1e-12, "{label}");
             }
-            let field = observed.wind.wind_at_all_times(WindUser::Sway).expect("a wind");
-            let steady = name == "uniform";
-            assert_eq!(field.period(), if steady { Some(0.0) } else { period }, "{name_and_label}");
-            check(&format!("{name_and_label}, catkins"), &observed, &flight_users(period), &folder);
-            let folder = dir.path().join(format!("{name}-{label}-rain"));
-            let observed =
-                bake(&scene_text(name, wind, sway, RAIN).replace(TREE_PLACE, ""), &folder, &Limits::default());
-            let end = 8.0 / 24.0;
-            // The plant on rods spins up for two seconds before it rains.
-            let users = [(WindUser::Rain, [-2.25, end]), (WindUser::Rods, [0.0, end]), (WindUser::Output, [0.0, end])];
-            check(&format!("{name_and_label}, rain"), &observed, &users, &folder);
         }
     }
+}
+
+#[test]
+fn all_parts_of_a_scene_are_in_one_calm_or_uniform_wind() {
+    parts_agree(0);
+    parts_agree(1);
+}
+
+#[test]
+fn all_parts_of_a_scene_are_in_one_gust_wind() {
+    parts_agree(2);
+}
+
+#[test]
+fn all_parts_of_a_scene_are_in_one_perlin_wind() {
+    parts_agree(3);
+}
+
+#[test]
+fn all_parts_of_a_scene_are_in_one_lattice_wind() {
+    parts_agree(4);
+}
+
+#[test]
+fn all_parts_of_a_scene_are_in_one_wind_of_an_inlet() {
+    parts_agree(5);
 }
 
 /// Where a recording of the whole box does not fit, plants read a recording of their region and catkins a lattice that is stepped
@@ -202,7 +241,7 @@ fn a_stepped_lattice_is_the_recorded_one() {
     let dir = tempfile::tempdir().expect("dir");
     let mut few = Limits::default();
     few.set("wind-bytes", "8M").expect("limit");
-    let text = scene_text("lattice", LATTICE, "repeat = false", &FLIGHT.replace("40", "600"));
+    let text = scene_text("lattice", LATTICE, "repeat = false", LANDS[0].1, &FLIGHT.replace("40", "600"));
     let observed = bake(&text, dir.path(), &few);
     assert!(observed.wind.recorded_bytes() < 8_000_000);
     let field = observed.wind.wind_at_all_times(WindUser::Sway).expect("a wind");

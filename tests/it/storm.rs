@@ -251,6 +251,39 @@ fn a_storm_gives_the_same_bytes_at_any_number_of_threads() {
     program::assert_same(&trees[0], &trees[1], "threads");
 }
 
+/// Drops darken the bark that they strike in every format that shows leaves wet: a map for each frame, wetter from frame to frame.
+#[test]
+fn drops_wet_bark_over_the_clip() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = RAIN.write(dir.path());
+    let out = dir.path().join("wet");
+    let bake = ["-q", "bake", arg(&file), "-o", arg(&out), "--formats", "usd,exr,pov", "--set", "frames.end=24"];
+    ends(0, &bake);
+    let manifest = fs::read_to_string(out.join("manifest.json")).expect("manifest");
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).expect("json");
+    let materials = manifest["materials"].as_array().expect("materials");
+    let bark = materials.iter().find(|m| m["name"] == "p_bark_struck").expect("wetted bark");
+    assert_eq!(bark["class"], "bark");
+    assert!((bark["params"]["wet_albedo"].as_f64().expect("albedo") - 0.55).abs() < 1e-6, "{bark}");
+    let map = bark["maps"]["wetness"].as_str().expect("a map of wetness");
+    assert_eq!(map, "maps/p_bark_struck/wetness.####.exr");
+    let wetness = [1, 12, 24].map(|frame: u32| {
+        let path = out.join(map.replace("####", &format!("{frame:04}")));
+        let picture = exr::prelude::read_first_flat_layer_from_file(&path).expect("our maps open");
+        let texels: Vec<f32> = picture.layer_data.channel_data.list[0].sample_data.values_as_f32().collect();
+        texels.iter().map(|w| f64::from(*w)).sum::<f64>() / texels.len() as f64
+    });
+    println!("mean wetness of struck bark at frames 1, 12 and 24: {wetness:.3?}");
+    assert!(
+        wetness[0] > 0.01 && wetness[0] < wetness[1] && wetness[1] < wetness[2] && wetness[2] <= 1.0,
+        "{wetness:?}"
+    );
+    // POV-Ray mixes dry and wet bark by the same map.
+    let frame = fs::read_to_string(out.join("pov/frames/frame.0024.inc")).expect("frame");
+    let picture = frame.lines().find(|line| line.contains("p_bark_struck/wetness.0024.png")).expect("a texture");
+    assert!(picture.contains("uv_mapping image_pattern") && picture.contains("texture_map"), "{picture}");
+}
+
 /// Catkins hang from twigs where these are at that moment, in the rain as without it. None leaves in a wind of 6 m/s.
 #[test]
 fn catkins_hang_from_moving_twigs_in_the_rain() {

@@ -569,3 +569,115 @@ fn boughs_of_one_size_sway_alike_in_amount_and_unlike_in_phase() {
 
 /// Least length of a bough, m.
 const BOUGH: f64 = 0.5;
+
+/// Thin rods in gusts: the tip's path with the default of eight steps a frame beside that with 64.
+#[test]
+fn thin_rods_hardly_depend_on_their_steps() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = |radius: f64, substeps: u32| -> Vec<glam::DVec3> {
+        let text = format!(
+            "seed = 3\n[frames]\nend = 49\n[ground]\nshow = false\n[[rod]]\npoints = [[0, 1, 0], [0, 1.5, 0]]\n\
+             radius_mm = [{radius}, {radius}]\nsubsteps = {substeps}\n[wind]\nmodel = \"gust\"\nspeed = 6\n"
+        );
+        fs::write(dir.path().join("rod.toml"), text).expect("scene");
+        let name = format!("rod_{radius}_{substeps}");
+        let mut osier = Command::cargo_bin("osier").expect("osier");
+        let bake = ["-q", "bake", "rod.toml", "-o", &name, "--formats", "points"];
+        osier.current_dir(dir.path()).args(bake).assert().success();
+        let tip = |frame: u32| {
+            let table = fs::read_to_string(dir.path().join(&name).join(format!("points/joints_{frame:04}.csv")));
+            let table = table.expect("joints");
+            let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+            let heads = lines.next().expect("heads");
+            let last = lines.last().expect("a tip");
+            let column = |name: &str| heads.iter().position(|head| *head == name).expect("column");
+            glam::DVec3::from_array(["x", "y", "z"].map(|c| last[column(c)].parse().expect("number")))
+        };
+        (1..=49).map(tip).collect()
+    };
+    // Radius, mm, and share of the length of 0.5 m.
+    for (radius, share) in [(1.0, 1e-3), (0.6, 1e-2)] {
+        let (coarse, fine) = (path(radius, 8), path(radius, 64));
+        let squares: f64 = coarse.iter().zip(&fine).map(|(a, b)| a.distance_squared(*b)).sum();
+        let rms = (squares / 49.0).sqrt();
+        println!("radius {radius} mm: rms {:.3} mm", rms * 1e3);
+        assert!(rms < share * 0.5, "radius {radius} mm: {rms} m");
+        assert!(coarse.iter().any(|p| p.distance(coarse[0]) > 5e-3), "the wind moves it");
+    }
+}
+
+/// A bough of a tree: its order, length, m, and where its tip is at each frame, m.
+struct SwayingBough {
+    order: u8,
+    length: f32,
+    tip: Vec<glam::Vec3>,
+}
+
+impl SwayingBough {
+    /// Displacement of the tip from its mean place, by frame, m.
+    fn swing(&self) -> Vec<glam::Vec3> {
+        let mean = self.tip.iter().sum::<glam::Vec3>() / self.tip.len() as f32;
+        self.tip.iter().map(|p| *p - mean).collect()
+    }
+
+    /// Root mean square of that displacement, m.
+    fn amplitude(&self) -> f32 {
+        let swing = self.swing();
+        (swing.iter().map(|d| d.length_squared()).sum::<f32>() / swing.len() as f32).sqrt()
+    }
+
+    /// Correlation of the swings of two boughs, -1 to 1.
+    fn correlation(&self, other: &Self) -> f32 {
+        let sum: f32 = self.swing().iter().zip(other.swing()).map(|(a, b)| a.dot(b)).sum();
+        sum / (self.tip.len() as f32 * self.amplitude() * other.amplitude())
+    }
+}
+
+/// `gusty-tree`: boughs of one order and length within 30 % move alike in amount, and the less alike in time the farther apart they are.
+#[test]
+fn boughs_of_the_gusty_tree_sway_alike_in_amount_and_unlike_in_phase() {
+    let text = osier::presets::find("gusty-tree.toml").expect("preset").text;
+    let set = ["plants.tree.leaf.side=64", "plants.tree.bark.side=64", "ground.show=false"].map(str::to_owned).to_vec();
+    let recipe =
+        resolve(&Request { name: "tree".into(), text: text.into(), set, ..Request::default() }).expect("scene").0;
+    let plant = crate::common::grown::individuals(&recipe).remove(0).plant;
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    let stage = assemble_scene(&recipe, SceneOptions::WITHOUT_GROUND, &work).expect("stage").animated;
+    let asset = &stage.scene.assets[0];
+    let rest = &asset.meshes[0].mesh.points;
+    let frames: Vec<Vec<glam::Vec3>> = (1..=recipe.clip.end).step_by(3).map(|number| points(&stage, number)).collect();
+    // The vertex nearest to the last node of each axis follows its tip.
+    let mut boughs = Vec::new();
+    for axis in plant.axes.iter().filter(|axis| axis.order > 0 && f64::from(axis.length - axis.s_exposed) > BOUGH) {
+        let tip = plant.nodes.p[plant.nodes_of(axis).end - 1];
+        let nearest = (0..rest.len()).min_by(|a, b| rest[*a].distance(tip).total_cmp(&rest[*b].distance(tip)));
+        let nearest = nearest.expect("bark");
+        assert!(rest[nearest].distance(tip) < 0.1, "{tip} is {} m from bark", rest[nearest].distance(tip));
+        let tip = frames.iter().map(|frame| frame[nearest]).collect();
+        boughs.push(SwayingBough { order: axis.order, length: axis.length - axis.s_exposed, tip });
+    }
+    let mut compared = 0;
+    for first in &boughs {
+        // Boughs from this one's length to 1.3 times it.
+        let alike = boughs.iter().filter(|b| b.order == first.order && (1.0..1.3).contains(&(b.length / first.length)));
+        let mut amplitudes: Vec<f32> = alike.map(SwayingBough::amplitude).collect();
+        if amplitudes.len() < 8 {
+            continue;
+        }
+        compared += 1;
+        amplitudes.sort_by(f32::total_cmp);
+        let at = |share: f32| amplitudes[((amplitudes.len() - 1) as f32 * share).round() as usize];
+        assert!(at(0.9) <= 3.0 * at(0.5), "order {}, {} m: {amplitudes:?}", first.order, first.length);
+    }
+    // Pairs of boughs that end on different limbs, nearer to each other and farther from each other than the median.
+    let mut pairs: Vec<[f32; 2]> = Vec::new();
+    for (i, a) in boughs.iter().enumerate() {
+        pairs.extend(boughs[i + 1..].iter().map(|b| [a.tip[0].distance(b.tip[0]), a.correlation(b)]));
+    }
+    pairs.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mean = |part: &[[f32; 2]]| part.iter().map(|p| p[1]).sum::<f32>() / part.len() as f32;
+    let third = pairs.len() / 3;
+    let (near, far) = (mean(&pairs[..third]), mean(&pairs[2 * third..]));
+    println!("{} boughs, {compared} classes; correlation of near pairs {near:.2}, of far ones {far:.2}", boughs.len());
+    assert!(compared >= 5 && near > far, "{compared} {near} {far}");
+}

@@ -127,6 +127,64 @@ fn no_wind_blows_through_a_thin_wall_of_any_kind_at_any_angle() {
     ["block", "closed", "open"].iter().for_each(|kind| is_closed(kind, &ANGLES));
 }
 
+/// Radius of a curved wall, m.
+const RADIUS: f64 = 5.0;
+
+/// A sheet that stands along a circle about the origin, from +z over -x by so many degrees.
+fn curved_obj(degrees: f64) -> String {
+    const SIDES: u32 = 24;
+    let (mut points, mut faces) = (String::new(), String::new());
+    for k in 0..=SIDES {
+        let angle = std::f64::consts::FRAC_PI_2 + degrees.to_radians() * f64::from(k) / f64::from(SIDES);
+        let (sin, cos) = angle.sin_cos();
+        let (x, z) = (RADIUS * cos, RADIUS * sin);
+        points += &format!("v {x} 0 {z}\nv {x} {} {z}\n", WALL[1]);
+        let a = 2 * k + 1;
+        if k < SIDES {
+            faces += &format!("f {a} {} {} {}\n", a + 2, a + 3, a + 1);
+        }
+    }
+    points + &faces
+}
+
+/// Curved walls stand at all angles to the cells at once: half a cylinder, open to the lee, and a whole one. Air that passed through
+/// would have an outward or inward velocity just within.
+#[test]
+fn no_wind_blows_through_a_curved_wall() {
+    let dir = tempfile::tempdir().expect("dir");
+    for (name, degrees) in [("half", 180.0), ("whole", 360.0)] {
+        std::fs::write(dir.path().join(format!("{name}.obj")), curved_obj(degrees)).expect("mesh");
+        let run = bake(dir.path(), name, &scene(&format!("shape = \"mesh\"\nmesh = \"{name}.obj\""), 0.0));
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.success() && said.contains("S032"), "{said}");
+        // Mean velocity away from the axis: windward, 0.2 to 0.5 m within the wall and as far before it.
+        let (mut within, mut before) = ([0.0, 0.0], [0.0, 0.0]);
+        for y in HEIGHTS {
+            for frame in (1..=121).step_by(12) {
+                let file = format!("y{}.{frame:04}.exr", y.replace('.', "_"));
+                let (width, texels) = exr(&dir.path().join(name).join("wind").join(file));
+                for (k, u) in texels.iter().enumerate() {
+                    let x = ((k % width) as f64 + 0.5) * TEXEL - 11.0;
+                    let z = ((k / width) as f64 + 0.5) * TEXEL - 10.0;
+                    let r = (x * x + z * z).sqrt();
+                    if x > -1.0 {
+                        continue;
+                    }
+                    let outward = (f64::from(u[0]) * x + f64::from(u[2]) * z) / r;
+                    if (0.2..0.5).contains(&(RADIUS - r)) {
+                        within = [within[0] + outward, within[1] + 1.0];
+                    } else if (3.0..5.0).contains(&(r - RADIUS)) {
+                        before = [before[0] + outward, before[1] + 1.0];
+                    }
+                }
+            }
+        }
+        let [within, before] = [within, before].map(|[sum, count]| sum / count);
+        println!("{name} cylinder: {within:.4} m/s within, {before:.4} m/s before it");
+        assert!(within.abs() < LEAK && before < -0.3, "{name}: {within} {before} m/s");
+    }
+}
+
 /// A file with Z up stands as the same wall with Y up, by `mesh_up`, and lies on its side without; a block has no mesh to turn.
 #[test]
 fn meshes_of_solids_with_z_up_stand() {

@@ -1,4 +1,4 @@
-//! Imports meshes of modelling programs: OBJ with MTL, glTF 2.0, and the images that they refer to.
+//! Imports meshes of modelling programs: OBJ with MTL, glTF 2.0, and the images that they refer to; points of PLY.
 //!
 //! ```
 //! use osier_base::files::SearchPaths;
@@ -27,6 +27,7 @@ mod gltf;
 mod heights;
 mod images;
 mod obj;
+mod ply_points;
 
 use std::path::{Path, PathBuf};
 
@@ -37,6 +38,7 @@ use osier_base::{Error, Result};
 use osier_scene::{Image, Material, MaterialClass, Mesh};
 
 pub use heights::{HeightMap, HeightUnit, read_heights};
+pub use ply_points::ply_points;
 
 /// Up axis of a mesh file, which becomes +Y of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -102,6 +102,8 @@ impl Coat {
     /// Roughness of a closed film, 0 to 1: smooth, with the ripple that the surface below leaves in it. A surface that is
     /// smoother keeps its own roughness.
     pub const WET_ROUGHNESS: f32 = 0.08;
+    /// Roughness of a closed film on what absorbs water, 0 to 1: bark, plaster, tiles, soil. Own: by eye; smaller values varnish them.
+    pub const POROUS_WET_ROUGHNESS: f32 = 0.35;
 }
 
 impl Material {

@@ -18,7 +18,7 @@ use crate::bake::assets::shape_growth::grows_round_solids;
 use crate::bake::assets::species_growth::{grow_species, needs_solids, shared_individuals};
 use crate::bake::assets::terrain::shown_terrain_solid;
 use crate::bake::motion::AssetMotion;
-use crate::bake::motion::growth::{GrowthSpan, GrowthMotion};
+use crate::bake::motion::growth::{GrowthMotion, GrowthSpan};
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
 use crate::bake::motion::season::SeasonMotion;

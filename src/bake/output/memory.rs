@@ -43,9 +43,10 @@ const TEXEL_BYTES: u64 = 150;
 /// found, and their index.
 const TERRAIN_TRIANGLE_BYTES: u64 = 70;
 
-/// Bytes for each catkin in flight beside its instance: its state and that at the start of the clip, the grid of contacts, its row in the
-/// frame that is written and in the next. Runs of 200,000 and of a million take 1,080 to 1,500 bytes each; the value lies between.
-const CATKIN_BYTES: u64 = 1160;
+/// Bytes for each catkin in flight beside its instance: its state (320 bytes) and its start (48), the grid of contacts, its row in the
+/// frame that is written and in the next. Runs of 200,000 and of a million took 1,080 to 1,500 bytes each with a second state, 272 bytes more;
+/// the value lies between.
+const CATKIN_BYTES: u64 = 890;
 
 /// Bytes of the record of rain at each frame: for a leaf its pose, its water and its place on the plant; for a drop in the air.
 const RECORDED_LEAF_BYTES: u64 = 350;

@@ -227,7 +227,7 @@ fn assemble(
         (_, Some(ground)) => RainGround::Waves(ground.shape.clone(), ground.center),
         _ => RainGround::Level { shown: recipe.ground.show },
     };
-    let rain = add_rain(
+    let mut rain = add_rain(
         rain_recipe,
         full,
         &layout,
@@ -270,7 +270,7 @@ fn assemble(
     if let Some((terrain, of)) = terrain.as_ref().zip(recipe.terrain.as_ref()) {
         add_terrain(terrain, of, recipe.general.seed, &mut builder)?;
     }
-    rain.add_wet_film(&mut builder, context)?;
+    rain.add_wet_surfaces(recipe, grown.len(), &mut builder, context)?;
     let rained_leaves = rain.leaf_counts.iter().enumerate().map(|(i, leaves)| leaves * weight(i)).sum();
     builder.make_material_names_unique();
     builder.make_image_names_unique()?;

@@ -77,8 +77,8 @@ keys! {
         ripening: f64 = "ripening_s" number(0.0, 0.0, 86_400.0, "s");
         /// With "canopy": plants with weights: { poplar = 1 }.
         canopy: Vec<(String, f64)> = "canopy" NamedNumbers;
-        /// With "points": text file with x, y, z in metres on each line.
-        points: Option<Reference> = "points" FileReference(".csv, .txt");
+        /// With "points": text file with x, y, z in metres on each line, or the vertices of a PLY file.
+        points: Option<Reference> = "points" FileReference(".csv, .txt, .ply");
         /// Duration of flight before the first frame (spin-up).
         spin_up: f64 = "spin_up_s" number(0.0, 0.0, 3600.0, "s");
         /// Domain around the origin: width, height, depth. A lattice wind has its own domain.
@@ -264,10 +264,15 @@ impl Resolver<'_> {
         weights
     }
 
-    /// Positions in a text file, x, y, z in metres on each line; empty lines and text after # are skipped. `None` after an
-    /// error.
+    /// Positions in a text file, x, y, z in metres on each line, where empty lines and text after # are skipped, or the vertices of a
+    /// PLY file. `None` after an error.
     fn starts(&mut self, reference: &Reference) -> Option<Vec<[f64; 3]>> {
-        let file = self.read(&reference.text, reference.span, "text-bytes", &[".csv", ".txt"])?;
+        let is_ply = reference.text.to_ascii_lowercase().ends_with(".ply");
+        let limit = if is_ply { "mesh-bytes" } else { "text-bytes" };
+        let file = self.read(&reference.text, reference.span, limit, &[".csv", ".txt", ".ply"])?;
+        if is_ply {
+            return self.ply_starts(reference, &file.bytes);
+        }
         // Spreadsheets begin a CSV with the mark of its encoding.
         let text = String::from_utf8_lossy(&file.bytes);
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned();
@@ -293,10 +298,29 @@ impl Resolver<'_> {
             // Spans of diagnostics count whole lines, with comments and line ends.
             at += line.len();
         }
+        self.some_starts(reference, starts, "write x, y, z in metres on each of its lines")
+    }
+
+    /// Vertices of a PLY file, in metres; `None` after an error.
+    fn ply_starts(&mut self, reference: &Reference, bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
+        let starts = match osier_import::ply_points(bytes) {
+            Ok(starts) => starts,
+            Err(fault) => {
+                let text = format!("\"{}\" cannot be read as PLY: {fault}", reference.text);
+                let d = Diagnostic::error("S003", text, reference.span, "this file");
+                self.report.push(d.help("write it again as PLY 1.0 with x, y and z of its vertices, in metres"));
+                return None;
+            }
+        };
+        self.some_starts(reference, starts, "write a PLY file with vertices, in metres")
+    }
+
+    /// Starts read from a file, checked against the limit on catkins; `None` with a diagnostic if there are none. `help`: what to do then.
+    fn some_starts(&mut self, reference: &Reference, starts: Vec<[f64; 3]>, help: &str) -> Option<Vec<[f64; 3]>> {
         if starts.is_empty() {
             let text = format!("\"{}\" holds no position, so that no catkin would fly", reference.text);
             let d = Diagnostic::error("S003", text, reference.span, "this file");
-            self.report.push(d.help("write x, y, z in metres on each of its lines"));
+            self.report.push(d.help(help));
             return None;
         }
         self.check_limit("catkins", starts.len() as u64, Some(reference.span));

@@ -222,6 +222,7 @@ fn material_entry(scene: &Scene, id: MaterialId, m: &Material, [paths, maps]: [&
     ];
     // Maps that change with the frames are in folders named after the material or its map sequence.
     let sequence = m.coat.and_then(|c| scene.map_sequences.get(c.sequence as usize)).map(|s| s.name.clone());
+    let porous_coat = m.coat.filter(|_| m.class == MaterialClass::Bark);
     let folders: Vec<&str> = std::iter::once(m.name.as_str()).chain(sequence.as_deref()).collect();
     MaterialEntry {
         name: m.name.clone(),
@@ -238,6 +239,8 @@ fn material_entry(scene: &Scene, id: MaterialId, m: &Material, [paths, maps]: [&
             height_range_m: m.height_range,
             tile_m: m.tile,
             vertex_colors: has_vertex_colors(scene, id),
+            wet_albedo: porous_coat.map(|c| c.darkening),
+            wet_roughness: porous_coat.map(|_| Coat::POROUS_WET_ROUGHNESS),
         },
     }
 }

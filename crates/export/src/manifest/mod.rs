@@ -310,6 +310,12 @@ pub struct ParamsEntry {
     /// that of points.
     #[serde(default)]
     pub vertex_colors: bool,
+    /// Albedo where the map of wetness is 1, as a share of that of the dry surface; absent where it is that of `units`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wet_albedo: Option<f32>,
+    /// Roughness where the map of wetness is 1; absent where it is that of `units`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wet_roughness: Option<f32>,
 }
 
 /// A file, or a numbered sequence of files as one entry.

@@ -106,6 +106,11 @@ const COATED_RELIEF: f32 = 0.4;
 /// interior, which would also refract light behind the cut-out parts of the texture.
 fn write_coat_finish(text: &mut TextBuffer, m: &Material) {
     write_diffuse(text, m);
+    if m.class == MaterialClass::Bark {
+        // Water in the pores shines without a mirror image: the highlight of `write_finish` for the roughness 0.35 and the index of water.
+        text.put(" specular 0.33 roughness 0.0076");
+        return;
+    }
     text.put(" specular 0.7 roughness 0.005 reflection { 0.02, 0.35 falloff 4 } conserve_energy");
 }
 

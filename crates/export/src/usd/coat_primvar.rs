@@ -4,7 +4,7 @@ use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::primvar::AnimatedPrimvar;
 use osier_base::Result;
-use osier_scene::{Attribute, AttributeData, Coat, MapFrame, MapSequence, Mesh, MeshObject};
+use osier_scene::{Attribute, AttributeData, Coat, MapFrame, MapSequence, MaterialClass, Mesh, MeshObject, Subset};
 
 /// Primvar of a mesh with a coated material, which follows the maps of the frames.
 struct CoatWeight {
@@ -33,7 +33,8 @@ fn weight_at_points(mesh: &Mesh, coat: &Coat, sequence: &MapSequence, maps: Opti
     Attribute::vertex(coat.weight, AttributeData::Unit1(values))
 }
 
-/// Defines the primvar of the mesh at `path`, named as the layer of the coat's weight; nothing without a coated material.
+/// Defines the primvar of the mesh at `path`, named as the layer of the coat's weight; nothing without a coated material. Maps of bark
+/// repeat in spots that are smaller than its triangles: its points cannot hold them.
 pub(super) fn define_coat_weight(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -41,7 +42,8 @@ pub(super) fn define_coat_weight(
     path: &str,
     object: &MeshObject,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
-    let coat = object.mesh.subsets.iter().find_map(|s| cx.scene.materials.get(s.material as usize)?.coat);
+    let material = |s: &Subset| cx.scene.materials.get(s.material as usize).filter(|m| m.class != MaterialClass::Bark);
+    let coat = object.mesh.subsets.iter().find_map(|s| material(s)?.coat);
     let Some((coat, sequence)) = coat.and_then(|c| Some((c, cx.scene.map_sequences.get(c.sequence as usize)?))) else {
         return Ok(None);
     };

@@ -113,7 +113,9 @@ impl ShaderInputWriter<'_> {
         if let Some(coat) = coat {
             // A film over the surface; roughness and relief of the surface below it stay unchanged.
             self.connect("clearcoat", "float", &format!("{}.outputs:r", coat.weight))?;
-            self.input("clearcoatRoughness", "float", UsdValue::Float(WATER_FILM_ROUGHNESS))?;
+            let is_bark = m.class == MaterialClass::Bark;
+            let roughness = if is_bark { Coat::POROUS_WET_ROUGHNESS } else { WATER_FILM_ROUGHNESS };
+            self.input("clearcoatRoughness", "float", UsdValue::Float(roughness))?;
         }
         self.input("ior", "float", UsdValue::Float(m.ior))?;
         self.input("metallic", "float", UsdValue::Float(0.0))?;

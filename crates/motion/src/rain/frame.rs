@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::rain::bark_wetness::WoodStrike;
 use crate::rain::drops::rain_leaf::{DropCounters, WetSpot};
 use crate::rain::drops::spherical_cap::CapDeformation;
 use crate::rain::drops::surface_drop::DropCap;
@@ -90,6 +91,8 @@ pub struct RainFrame {
     pub airborne: Vec<AirborneDrop>,
     /// Spots that became wet since the last frame.
     pub wet_spots: Vec<LeafWetSpot>,
+    /// Drops that struck wood since the last frame; for the first frame, since the simulation began.
+    pub wood_strikes: Vec<WoodStrike>,
     /// Events since the last frame; for the first frame, since they were last taken from the simulation.
     pub events: Vec<RainEvent>,
     /// Counts of events, and the largest impulse, since the simulation began.
@@ -153,6 +156,7 @@ impl RainFrame {
             pendant,
             airborne: airborne.collect(),
             wet_spots,
+            wood_strikes: simulation.take_wood_strikes(),
             events: simulation.take_events(),
             counters: simulation.counters(),
             water_budget: simulation.water_budget(),
@@ -171,6 +175,7 @@ impl RainFrame {
             self.pendant.len() * size_of::<PendantDrop>(),
             self.airborne.len() * size_of::<AirborneDrop>(),
             self.wet_spots.len() * size_of::<LeafWetSpot>(),
+            self.wood_strikes.len() * size_of::<WoodStrike>(),
             self.events.len() * size_of::<RainEvent>(),
         ];
         lists.iter().sum::<usize>() as u64

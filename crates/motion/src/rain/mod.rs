@@ -51,6 +51,7 @@
 //! # Ok::<(), osier_base::Error>(())
 //! ```
 
+mod bark_wetness;
 mod collide;
 mod drops;
 mod emitter;
@@ -72,6 +73,7 @@ mod target;
 mod triangle_hierarchy;
 mod tuning;
 
+pub use bark_wetness::{BarkPatch, BarkPatchParams, WoodStrike};
 pub use collide::LeafCollider;
 pub use drops::pendant_profile::PendantFamily;
 pub use drops::rain_leaf::{DropCounters, RainLeaf, WetSpot};

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
+use super::bark_wetness::{WoodStrike, spot_radius};
 use super::collide::{DropHit, LeafCollider, MovingLeaf, RainCollider, SweptHierarchy, WoodHit};
 use super::drops::rain_leaf::{AttachedWater, DropCounters, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
 use super::drops::surface_drop::LeafDrop;
@@ -189,6 +190,7 @@ pub struct RainSimulation {
     water_on_wood: f64,
     water_on_solids: f64,
     wet_spots: Vec<LeafWetSpot>,
+    wood_strikes: Vec<WoodStrike>,
     counters: DropCounters,
     impact_momentum: ImpactMomentum,
     events: Vec<RainEvent>,
@@ -247,6 +249,7 @@ impl RainSimulation {
             emitter: config.emitter.map(|emitter| emitter.with_shelter(shelter)),
             plants: config.plants,
             wet_spots: Vec::new(),
+            wood_strikes: Vec::new(),
             poses: Vec::new(),
             responses: vec![SmoothedLeafAcceleration::default(); leaves.len()],
             wood: Vec::new(),
@@ -341,6 +344,11 @@ impl RainSimulation {
     /// Removes and returns the spots that became wet since the last call, in the order of steps.
     pub fn take_wet_spots(&mut self) -> Vec<LeafWetSpot> {
         std::mem::take(&mut self.wet_spots)
+    }
+
+    /// Removes and returns the drops that have struck wood since the last call, in the order of steps.
+    pub fn take_wood_strikes(&mut self) -> Vec<WoodStrike> {
+        std::mem::take(&mut self.wood_strikes)
     }
 
     /// Removes and returns the events since the last call, in the order of steps.
@@ -534,17 +542,19 @@ impl RainSimulation {
     fn strike_wood(&mut self, drop: &FallingDrop, mut segment: usize, hit: WoodHit) {
         // Find the plant that the segment belongs to, and the index on it.
         let fraction = hit.fraction;
-        for (plant, wood) in self.wood.iter().enumerate() {
+        for (number, wood) in self.wood.iter().enumerate() {
             if segment >= wood.len() {
                 segment -= wood.len();
                 continue;
             }
             // Wood takes up the whole relative momentum, not only the component along its normal: the drop stays on it.
-            let plant = &mut self.plants[plant];
+            let plant = &mut self.plants[number];
             let relative = drop.v - plant.wood_velocity(segment, fraction);
             let inverse_mass = plant.wood_inverse_effective_mass(segment, fraction, relative.normalize_or_zero());
             let j = wood_impulse(self.params.impact, WATER_DENSITY * drop.volume, relative, inverse_mass);
             plant.apply_wood_impulse(segment, fraction, j * self.params.impulse_factor);
+            let radius = spot_radius(relative.length(), sphere_diameter(drop.volume));
+            self.wood_strikes.push(WoodStrike { plant: number, t: self.t, radius });
             break;
         }
         self.events.push(RainEvent::new(DropEventKind::Wood, drop.id, self.t, drop.p, drop.volume));

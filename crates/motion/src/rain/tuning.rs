@@ -306,6 +306,10 @@ pub const PROFILE_POINTS: [usize; 3] = [40, 12, 4];
 pub const SEAT_HEIGHT: f64 = 0.35;
 pub const SEAT_RINGS: [u32; 3] = [8, 3, 2];
 
+/// Largest diameter of the spot that a drop wets on wood, in diameters of the drop. Own: faster drops splash on rough bark before they
+/// spread further.
+pub const MAX_BARK_SPREAD: f64 = 6.0;
+
 /// Parts of equal volume into which rain is divided where the exposure of surfaces is computed, each at a different time of the
 /// clip. More resolve gusts and sizes better, at a cost in proportion.
 pub const EXPOSURE_SAMPLES: u32 = 8;

@@ -120,9 +120,10 @@ pub struct RodSystem {
     anchors: Vec<RestAnchor>,
     /// Rest positions in the anchor's frame, m.
     rest_positions: Vec<Vector9>,
-    /// Positions and velocities, now and one step before (BDF2 history).
+    /// Present positions, m, and velocities, m/s.
     pub(crate) x: Vec<Vector9>,
     pub(crate) v: Vec<Vector9>,
+    /// BDF2 history: displacements in the last step, m, and velocities before it, m/s.
     pub(crate) before: [Vec<Vector9>; 2],
     /// External forces, N: forces that last until they are cleared, and impulses divided by the step length, which act in one step
     /// only.
@@ -156,6 +157,8 @@ pub(crate) struct SolverBuffers {
     /// Rest positions in the world, m.
     pub places: Vec<Vector9>,
     pub next: Vec<Vector9>,
+    /// Displacements of the iterate from the beginning of the step, m.
+    pub moved: Vec<Vector9>,
     pub speed: Vec<Vector9>,
     pub attached_bases: Vec<AttachedBaseState>,
     pub damping: Vec<f64>,
@@ -213,6 +216,7 @@ impl RodSystem {
             load: zero.clone(),
             places: tree.reference.clone(),
             next: zero.clone(),
+            moved: zero.clone(),
             speed: zero.clone(),
             attached_bases: vec![AttachedBaseState::default(); tree.bases.len()],
             damping: vec![0.0; rods.len()],
@@ -224,7 +228,7 @@ impl RodSystem {
         let mut all = Self {
             x: tree.reference.clone(),
             v: zero.clone(),
-            before: [tree.reference.clone(), zero.clone()],
+            before: [zero.clone(), zero.clone()],
             impulse_forces: zero.clone(),
             external_forces: zero,
             share: 1.0,

@@ -55,7 +55,12 @@ const ANALYTIC_BLOCKING_HEIGHT: f64 = 1.0;
 /// flight.
 #[derive(Debug)]
 pub struct FlightPlayback {
-    start: FlightSimulation,
+    /// Starts of the catkins, with parameters and solids: the flight begins again from these if an earlier frame is asked for.
+    starts: Vec<CatkinStart>,
+    params: FlightParams,
+    solids: Arc<Solids>,
+    /// Number of catkins for which no start outside of solids was found.
+    enclosed: u64,
     /// The wind of the scene, which all of its parts share.
     wind: Arc<SceneWind>,
     /// The twigs that release catkins; empty unless the release is `canopy`.
@@ -130,16 +135,16 @@ impl FlightPlayback {
             }
             _ => (sky_and_point_releases(scene, &params), Vec::new()),
         };
-        // The number of catkins may differ from the key: a file of points determines it by its number of points.
-        let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
-        let trails = new_trajectories(scene, start.options());
-        let settled = vec![Vec3::ZERO; start.len()];
-        // All sums begin at 0. Maps of landings accumulate over the clip; maps of resting catkins are computed anew in each
-        // frame.
+        // The number of catkins need not be that of the key: a file of points gives as many as it has.
+        let simulation = FlightSimulation::new(params.clone(), Arc::clone(&scene.solids), &starts);
+        let enclosed = simulation.stats().buried;
+        let trails = new_trajectories(scene, &params);
+        let settled = vec![Vec3::ZERO; starts.len()];
+        // All sums begin at 0; maps of landings add up over the clip, those of deposits are made anew in each frame.
         let deposits = DepositionMaps::new(keys, scene.domain, &scene.solids);
         let landed = if deposits.cumulative { deposits.empty_sums() } else { TexelSums::new() };
         let mut state = FlightState {
-            simulation: start.clone(),
+            simulation,
             frames: 0,
             settled,
             side_jumps: SideJumps::default(),
@@ -163,31 +168,33 @@ impl FlightPlayback {
             settle: keys.settle,
             trail_width: narrow(keys.trail_width),
             state: Mutex::new(state),
-            // The state before the spin-up is kept for a restart when an earlier frame is requested.
-            start,
+            starts,
+            params,
+            solids: Arc::clone(&scene.solids),
+            enclosed,
         })
     }
 
     /// Whether the flight has no catkins, not even catkins that wait for their release.
     pub fn is_empty(&self) -> bool {
-        self.start.is_empty()
+        self.starts.is_empty()
     }
 
     /// Number of catkins for which no start outside of solids was found.
     pub fn enclosed_start_count(&self) -> u64 {
-        self.start.stats().buried
+        self.enclosed
     }
 
     /// Number of catkins that start above the domain, or beyond a side of it at which catkins leave.
     pub fn outside_start_count(&self) -> usize {
-        let FlightParams { inside, edges, .. } = self.start.options();
+        let FlightParams { inside, edges, .. } = &self.params;
         let leaves =
             |axis: usize, v: f32, low: f32, high: f32| edges[axis] == SideBoundary::Exit && !(low..=high).contains(&v);
-        let is_outside = |p: &&Vec3| {
+        let is_outside = |p: &Vec3| {
             let beside = leaves(0, p.x, inside.min.x, inside.max.x) || leaves(1, p.z, inside.min.z, inside.max.z);
             beside || p.y > inside.max.y
         };
-        self.start.frame().positions.iter().filter(is_outside).count()
+        self.starts.iter().filter(|start| is_outside(&start.at.as_vec3())).count()
     }
 
     /// Declarations of the flight's table and deposition maps, which frames fill. `warnings`: codes and texts so far.
@@ -197,10 +204,10 @@ impl FlightPlayback {
         warnings: Vec<(&'static str, String)>,
     ) -> (Table, &[osier_scene::Field]) {
         let lattice = self.wind.lattice_stats(self.clip_frame(0));
-        let solids: Vec<&str> = self.start.solids().list().iter().map(|s| s.name.as_str()).collect();
+        let solids: Vec<&str> = self.solids.list().iter().map(|s| s.name.as_str()).collect();
         let zones: Vec<&str> = self.zones.iter().map(|z| z.name.as_str()).collect();
         let places = stats::CountedPlaceNames { solids: &solids, zones: &zones };
-        (stats::flight_table(keys, self.start.len(), places, lattice, warnings), &self.deposits.fields)
+        (stats::flight_table(keys, self.starts.len(), places, lattice, warnings), &self.deposits.fields)
     }
 
     /// The asset at rest: at the start of the spin-up, or in a `still` scene at the scene's one frame. `material`: index in the
@@ -208,13 +215,16 @@ impl FlightPlayback {
     /// # Errors
     /// `TooMany`; those of [`SceneWind::wind_until_next_frame`].
     pub fn asset(&self, prototypes: Vec<Prototype>, material: u32, still: bool) -> Result<Asset> {
-        let all: Vec<&Catkin> = self.start.by_id().collect();
+        let (protos, scales): (Vec<u32>, Vec<Vec3>) = {
+            let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            state.simulation.by_id().map(|c| (u32::from(c.kind()), Vec3::splat(c.scale()))).unzip()
+        };
         let instancer = Instancer {
             name: "catkins".into(),
             prototypes,
-            ids: (0..all.len() as u64).collect(),
-            protos: all.iter().map(|c| u32::from(c.kind())).collect(),
-            scales: all.iter().map(|c| Vec3::splat(c.scale())).collect(),
+            ids: (0..self.starts.len() as u64).collect(),
+            protos,
+            scales,
             // A picture of one frame shows its catkins in flight; a clip begins before the first is released.
             rest: if still { self.state_at(0)? } else { self.catkins_before_first_step() },
             motion: InstancerMotion::Free,
@@ -265,7 +275,7 @@ impl FlightPlayback {
         let target = self.spin_up.frames + number;
         // The simulation cannot step back: an earlier frame starts it again, spin-up included.
         if state.frames > target {
-            state.simulation = self.start.clone();
+            state.simulation = FlightSimulation::new(self.params.clone(), Arc::clone(&self.solids), &self.starts);
             state.settled.fill(Vec3::ZERO);
             state.frames = 0;
             state.landed.iter_mut().for_each(|sums| sums.fill(0.0));

@@ -1,5 +1,6 @@
 //! Rain on the plants of a scene: the simulation recorded over the clip, and the assets that show it.
 
+mod bark_maps;
 mod chart_textures;
 mod drop_records;
 mod expected_drops;
@@ -14,10 +15,11 @@ mod wet_film;
 mod wet_surfaces;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::{DQuat, DVec3, Vec3};
 
+use self::bark_maps::{BarkSetting, StruckBark, add_bark_maps};
 pub use self::drop_records::enum_labels;
 use self::expected_drops::ExpectedDrops;
 pub use self::ground::RainGround;
@@ -41,9 +43,9 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
-    DropDetail, DropMesh, DropParams, LeafOnPlant, LeafPose, LeafWaterMaps, PendantFamily, RainConfig, RainEmitter,
-    RainExposure, RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster, WoodSegment,
-    sphere_diameter,
+    BarkPatch, DropDetail, DropMesh, DropParams, LeafOnPlant, LeafPose, LeafWaterMaps, PendantFamily, RainConfig,
+    RainEmitter, RainExposure, RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster,
+    WoodSegment, sphere_diameter,
 };
 use osier_motion::rods::PLANT_SPIN_UP_SECONDS;
 use osier_scene::plant::{AxisKind, Plant};
@@ -81,6 +83,8 @@ pub struct RainPlayback {
     /// Dry leaves: their blades and sizes, with which the maps and meshes of each frame begin.
     leaves: Vec<RainLeaf>,
     mapped_leaves: Vec<MappedLeaf>,
+    /// Patches of bark that drops wet, whose maps follow those of leaves; set once the materials of the scene are complete.
+    barks: OnceLock<Vec<StruckBark>>,
     /// Frames of each plant; empty for a plant that does not move.
     plants: Vec<Vec<AssetFrame>>,
     params: DropParams,
@@ -130,6 +134,13 @@ struct AdvancingLeafMaps {
     frames: u64,
     /// Parallel to the mapped leaves.
     leaves: Vec<LeafWaterMaps>,
+    /// Parallel to the patches of bark.
+    barks: Vec<BarkPatch>,
+}
+
+impl AdvancingLeafMaps {
+    /// Before the first frame.
+    const NONE: Self = Self { frames: 0, leaves: Vec::new(), barks: Vec::new() };
 }
 
 /// Results of the rain's simulation, before they are added to the scene.
@@ -141,20 +152,22 @@ struct SimulatedRain {
     /// Textures of leaves that were resampled to charts, to be appended to those of the scene.
     images: Vec<Image>,
     table: Table,
-    wet_film: Option<WetFilm>,
+    wet_surfaces: WetSurfaces,
     /// Expected contents of a frame, averaged over the whole clip; only in an estimate of falling rain.
     expected: Option<ExpectedDrops>,
     /// Numbers of leaves that drops can strike, by plant asset.
     leaf_counts: Vec<u64>,
 }
 
-/// A film of water left by earlier rain on the surfaces that it reached.
-struct WetFilm {
-    /// Fraction of a wet face that the film covers, 0 to 1.
+/// Surfaces that earlier rain has left a film of water on, and bark that drops of the clip wet.
+struct WetSurfaces {
+    /// Fraction of a wet face that the film covers, 0 to 1; 0 without a film.
     cover: f32,
     exposure: RainExposure,
     /// Bounds of the solids, m; empty without any.
     solids: Bounds,
+    /// Whether drops fall, which strike bark.
+    falls: bool,
 }
 
 /// Additions of rain to a scene besides assets; empty without rain.
@@ -166,16 +179,49 @@ pub(crate) struct AddedRain {
     pub(crate) table: Option<Table>,
     /// Numbers of leaves that drops can strike, by plant asset.
     pub(crate) leaf_counts: Vec<u64>,
-    wet_film: Option<WetFilm>,
+    /// What the rain wets besides leaves, and the record of the drops that do it.
+    wet: Option<(WetSurfaces, Arc<RainPlayback>)>,
 }
 
 impl AddedRain {
-    /// Gives bark, solids and ground of a complete scene a wet material where rain reaches them, if `rain.wet.film` is above 0.
+    /// Gives bark, solids and ground of a complete scene a wet material where rain reaches them, if `rain.wet.film` is above 0, and bark
+    /// a map of the spots that the drops of the clip wet. `plants`: number of plants, the first assets.
     /// # Errors
-    /// `Limit` for a mesh that would get too many vertices, `Cancelled`, `TooMany` beyond 2^32 materials or images.
-    pub(crate) fn add_wet_film(&self, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
-        let Some(WetFilm { cover, exposure, solids }) = &self.wet_film else { return Ok(()) };
-        wet_surfaces::wet_exposed_surfaces(*cover, exposure, *solids, builder, context)
+    /// `Limit` for a mesh that would get too many vertices, `Cancelled`, `TooMany` beyond 2^32 materials, images or map sequences.
+    pub(crate) fn add_wet_surfaces(
+        &mut self,
+        recipe: &Recipe,
+        plants: usize,
+        builder: &mut SceneBuilder,
+        context: &BakeContext<'_>,
+    ) -> Result<()> {
+        let Some((WetSurfaces { cover, exposure, solids, falls }, playback)) = &self.wet else { return Ok(()) };
+        let has_film = *cover > 0.0;
+        let film = if has_film {
+            wet_surfaces::wet_exposed_surfaces(*cover, exposure, *solids, builder, context)?
+        } else {
+            BTreeSet::new()
+        };
+        if !falls {
+            return Ok(());
+        }
+        let setting = BarkSetting {
+            exposure,
+            film: has_film.then_some(&film),
+            film_albedo: wet_film::film_albedo(*cover),
+            params: &playback.params,
+            plants,
+            height_range: narrow(recipe.maps.height_range),
+        };
+        let (barks, mut sequences) = add_bark_maps(&setting, self.map_sequences.len(), builder)?;
+        playback.set_barks(barks);
+        // A still scene has the maps of its one frame, after those of leaves.
+        if playback.frames.len() == 1 {
+            let maps = playback.map_frames(0).into_iter().skip(self.map_sequences.len());
+            sequences.iter_mut().zip(maps).for_each(|(sequence, maps)| sequence.rest = Some(maps));
+        }
+        self.map_sequences.extend(sequences);
+        Ok(())
     }
 }
 
@@ -255,13 +301,13 @@ pub(crate) fn add_rain(
         }
     }
     let moves = recipe.clip.len() > 1;
-    let motion = moves.then_some(simulated.playback as Arc<dyn AssetMotion>);
+    let motion = moves.then(|| Arc::clone(&simulated.playback) as Arc<dyn AssetMotion>);
     builder.add_placed(drops, Trs::IDENTITY, motion);
     Ok(AddedRain {
         map_sequences: simulated.map_sequences,
         table: moves.then_some(simulated.table),
         leaf_counts: simulated.leaf_counts,
-        wet_film: simulated.wet_film,
+        wet: Some((simulated.wet_surfaces, simulated.playback)),
     })
 }
 
@@ -322,11 +368,12 @@ fn simulate_rain(
     let lowest = f64::from(bounds.min.y);
     // In scenes without a ground, drops end below the lowest point of plants and solids.
     let ground = ground.into_height(solids.height_range().map_or(lowest, |[low, _]| low.min(lowest)));
-    let wet_film = (rain.wet.film > 0.0).then(|| WetFilm {
+    let wet_surfaces = WetSurfaces {
         cover: narrow(rain.wet.film),
         exposure: RainExposure::new(&rainfall, wind.clone(), solids.clone(), Arc::clone(&ground)),
         solids: solids.bounds(),
-    });
+        falls: rain.keys.falls,
+    };
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
     let center = bounds.center();
     let foot = ground.height(f64::from(center.x), f64::from(center.z));
@@ -378,7 +425,8 @@ fn simulate_rain(
         shown: MeshedDropSelection { max_drops, picture },
         shapes: pendant_families_by_radius(&rain_frames, params.g),
         numbers: drop_records::number_drops(&rain_frames)?,
-        maps: Mutex::new(AdvancingLeafMaps { frames: 0, leaves: Vec::new() }),
+        maps: Mutex::new(AdvancingLeafMaps::NONE),
+        barks: OnceLock::new(),
         water_maps: recipe.maps.water,
         leaves: dry_leaves,
         plants,
@@ -404,7 +452,7 @@ fn simulate_rain(
         map_sequences,
         images: new_images,
         table,
-        wet_film,
+        wet_surfaces,
         expected,
         leaf_counts,
     })
@@ -756,14 +804,23 @@ impl RainPlayback {
         frames.get(nth).cloned().unwrap_or_default()
     }
 
-    /// Maps of the mapped leaves at the `nth` frame of the clip. Because traces dry over time, maps advance frame by frame; an
-    /// earlier frame restarts them with dry leaves.
+    /// Sets the patches of bark that drops wet; maps start again from dry ones.
+    fn set_barks(&self, barks: Vec<StruckBark>) {
+        // Set once for each scene; a second call would change nothing.
+        _ = self.barks.set(barks);
+        *self.maps.lock().unwrap_or_else(PoisonError::into_inner) = AdvancingLeafMaps::NONE;
+    }
+
+    /// Maps of the mapped leaves, then of bark, at the `nth` frame of the clip. Traces dry over time, so that maps advance frame by frame; an earlier
+    /// frame starts from dry leaves.
     pub fn map_frames(&self, nth: u64) -> Vec<MapFrame> {
         let mut state = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
-        // The maps may already be at frame `nth`; earlier frames require a restart.
-        if state.frames > nth + 1 || state.leaves.is_empty() {
+        // The maps may be at frame `nth` already; earlier frames need a new start.
+        let barks = self.barks.get().map_or(&[][..], Vec::as_slice);
+        if state.frames > nth + 1 || state.frames == 0 {
             let dry = |m: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&m.raster), self.leaves[m.leaf].scale);
-            *state = AdvancingLeafMaps { frames: 0, leaves: self.mapped_leaves.iter().map(dry).collect() };
+            let leaves = self.mapped_leaves.iter().map(dry).collect();
+            *state = AdvancingLeafMaps { frames: 0, leaves, barks: barks.iter().map(StruckBark::dry_patch).collect() };
         }
         while state.frames <= nth {
             let frame = self.frame_at(state.frames);
@@ -773,9 +830,12 @@ impl RainPlayback {
                 let water = frame.leaf_map_input(mapped.leaf);
                 maps.advance(&self.leaves[mapped.leaf].blade, &water.caps, &water.wet_spots, frame.t, &self.params);
             });
+            state.barks.iter_mut().zip(barks).for_each(|(patch, bark)| bark.wet(patch, frame));
             state.frames += 1;
         }
-        state.leaves.iter().map(|l| leaf_maps::leaf_map_frame(l.maps(), self.water_maps)).collect()
+        let t = self.frame_at(nth).t;
+        let leaves = state.leaves.iter().map(|l| leaf_maps::leaf_map_frame(l.maps(), self.water_maps));
+        leaves.chain(state.barks.iter().map(|patch| bark_maps::bark_map_frame(patch, t))).collect()
     }
 }
 

@@ -6,7 +6,9 @@ use crate::recipe::{Request, resolve};
 use osier_base::diagnostic::Report;
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
-use osier_scene::{ColumnValues, Frame, InstancerFrame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
+use osier_scene::{
+    ColumnValues, Frame, InstancerFrame, MaterialClass, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene,
+};
 
 const SCENE: &str = "
     [frames]\nend = 8
@@ -154,20 +156,72 @@ fn leaves_get_maps_and_drops_show() {
     let built = built("[rain.impact]\ntangent_keep = 0.05\n");
     let scene = &built.animated.scene;
     check_scene(scene).expect("sound");
-    assert_eq!(scene.map_sequences.len(), 6);
-    let worn = scene.materials.iter().filter(|m| m.coat.is_some()).count();
+    // The maps of bark follow those of leaves.
+    assert!(scene.map_sequences.iter().take(6).all(|s| s.layers.len() == 3));
+    assert!(scene.map_sequences.iter().skip(6).all(|s| s.name.ends_with("_struck")));
+    let worn = scene.materials.iter().filter(|m| m.coat.is_some() && m.class == MaterialClass::Leaf).count();
     assert_eq!(worn, 6);
     let rain = scene.assets.iter().position(|a| a.id == "rain").expect("rain");
     for number in [1, 5, 8] {
         let frame = at(&built, number);
         check_frame(scene, &frame).expect("sound");
-        assert_eq!(frame.maps.len(), 6);
+        assert_eq!(frame.maps.len(), scene.map_sequences.len());
         assert!(frame.maps.iter().any(|m| m.layers[0].as_flat().iter().any(|h| *h > 0.0)));
         let MeshFrame::Whole { mesh, velocities } = frame.assets[rain].mesh(0) else { panic!("no drops") };
         assert!(!mesh.triangles.is_empty() && velocities.len() == mesh.points.len());
         let PointsFrame::State { widths, .. } = frame.assets[rain].points(0) else { panic!("nothing falls") };
         assert!(widths.iter().any(|w| *w > 0.0));
     }
+}
+
+/// Mean wetness of the maps of bark at a frame.
+fn bark_wetness(built: &AssembledScene, number: u32) -> f64 {
+    let scene = &built.animated.scene;
+    let maps = at(built, number).maps;
+    let barks = scene.map_sequences.iter().zip(&maps).filter(|(s, _)| s.name.ends_with("_struck"));
+    let texels: Vec<f32> = barks.flat_map(|(_, m)| m.layers[0].as_flat().to_vec()).collect();
+    texels.iter().map(|w| f64::from(*w)).sum::<f64>() / texels.len().max(1) as f64
+}
+
+#[test]
+fn drops_wet_the_bark_that_they_strike_over_the_clip() {
+    // On still plants, on rods and on plants that sway.
+    for more in ["", "[plants.twig.rods]\n", "[plants.twig.wood]\ntimber = \"white_oak\"\n[wind]\nspeed = 3\n"] {
+        let built = built(more);
+        let scene = &built.animated.scene;
+        check_scene(scene).expect("sound");
+        check_frame(scene, &at(&built, 8)).expect("sound");
+        let wetness = [1, 4, 8].map(|number| bark_wetness(&built, number));
+        assert!(wetness[0] > 0.005, "{more}: the spin-up has wetted bark: {wetness:?}");
+        assert!(wetness[0] < wetness[1] && wetness[1] < wetness[2] && wetness[2] < 0.9, "{more}: {wetness:?}");
+        // Rain reaches the upper side: bark that faces down has no coat.
+        let coated = |id: u32| scene.materials[id as usize].coat.is_some();
+        let (mut up, mut down, mut dry) = (0, 0, 0);
+        for mesh in scene.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh) {
+            let barks =
+                mesh.subsets.iter().filter(|s| scene.materials[s.material as usize].class == MaterialClass::Bark);
+            for subset in barks {
+                for [a, b, c] in mesh.subset_triangles(subset) {
+                    let [a, b, c] = [a, b, c].map(|i| mesh.points[*i as usize]);
+                    let normal = (b - a).cross(c - a).normalize_or_zero();
+                    match (coated(subset.material), normal.y) {
+                        (true, y) if y > -0.5 => up += 1,
+                        (true, _) => down += 1,
+                        (false, _) => dry += 1,
+                    }
+                }
+            }
+        }
+        assert!(up > 50 && dry > 20 && 20 * down < up, "{more}: {up} {down} {dry}");
+    }
+    // Without drops that fall bark has no maps; under a film of earlier rain drops darken it to the same albedo.
+    let none = built("falls = false\n");
+    assert!(none.animated.scene.map_sequences.iter().all(|s| !s.name.ends_with("_struck")));
+    let film = built("[rain.wet]\nfilm = 1\n");
+    let of_bark = |m: &&osier_scene::Material| m.class == MaterialClass::Bark && m.coat.is_some();
+    let coat = film.animated.scene.materials.iter().find(of_bark).and_then(|m| m.coat).expect("a coat");
+    assert!((coat.darkening - 1.0).abs() < 1e-6, "{}", coat.darkening);
+    assert!(bark_wetness(&film, 8) > 0.005);
 }
 
 #[test]
@@ -326,7 +380,8 @@ fn maps_are_as_large_as_the_camera_sees_their_leaves() {
         let built = assemble_scene(&recipe, SceneOptions::default(), &context).expect("a scene");
         let frame = at(&built, 2);
         check_frame(&built.animated.scene, &frame).expect("sound");
-        built.animated.scene.map_sequences.iter().map(|s| s.side).collect::<Vec<_>>()
+        let of_leaves = built.animated.scene.map_sequences.iter().filter(|s| s.layers.len() == 3);
+        of_leaves.map(|s| s.side).collect::<Vec<_>>()
     };
     assert!(sides(0.3).contains(&512), "{:?}", sides(0.3));
     assert_eq!(sides(30.0), [32; 6]);

@@ -10,9 +10,6 @@ use osier_scene::{Coat, Image, Maps, Material, MaterialClass, MaterialId, Pixels
 /// Roughness of a closed film of water on a leaf. Own: by eye; with smaller values leaves look like mirrors, with larger ones
 /// dry.
 const FILM_ROUGHNESS: f32 = 0.12;
-/// Roughness of a closed film on materials that absorb water: bark, plaster, tiles, soil. Own: by eye; with smaller values they
-/// look varnished.
-const POROUS_FILM_ROUGHNESS: f32 = 0.35;
 
 /// A film of water on the materials of a class, which changes their albedo and roughness.
 #[derive(Debug, Clone, Copy)]
@@ -23,15 +20,20 @@ struct Film {
     roughness: f32,
 }
 
+/// Albedo under a film that covers the fraction `cover` of a surface, as a share of that of the dry surface.
+pub(super) fn film_albedo(cover: f32) -> f32 {
+    1.0 + cover * (Coat::WET_ALBEDO - 1.0)
+}
+
 impl Film {
     fn covering(class: MaterialClass, cover: f32) -> Self {
         let porous = matches!(class, MaterialClass::Bark | MaterialClass::Ground);
-        Self { cover, roughness: if porous { POROUS_FILM_ROUGHNESS } else { FILM_ROUGHNESS } }
+        Self { cover, roughness: if porous { Coat::POROUS_WET_ROUGHNESS } else { FILM_ROUGHNESS } }
     }
 
     /// Factor on the linear albedo: the mean of 1 and [`Coat::WET_ALBEDO`] weighted by the cover.
     fn darkening(self) -> f32 {
-        1.0 + self.cover * (Coat::WET_ALBEDO - 1.0)
+        film_albedo(self.cover)
     }
 
     /// Roughness of a surface of roughness `roughness` with the film, weighted by the cover.

@@ -1,6 +1,6 @@
 //! Gives faces of walls, roofs, bark and ground that rain reaches a wet variant of their material; sheltered faces stay dry.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 
@@ -26,7 +26,7 @@ const SHORTEST_DIVIDED_EDGE: f32 = 0.12;
 const SHELTER_REACH: f32 = 12.0;
 
 /// Gives the faces of the scene that rain reaches a wet material. `cover`: fraction of a wet face that the film covers, 0 to 1.
-/// `solids`: world bounds of everything that shelters, m.
+/// `solids`: world bounds of everything that shelters, m. Returns the materials of wet faces.
 /// # Errors
 /// `Limit` for a mesh that would get too many vertices, `Cancelled`, `TooMany` beyond 2^32 materials or images.
 pub(super) fn wet_exposed_surfaces(
@@ -35,7 +35,7 @@ pub(super) fn wet_exposed_surfaces(
     solids: Bounds,
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
-) -> Result<()> {
+) -> Result<BTreeSet<MaterialId>> {
     let sheltered = solids.expanded(SHELTER_REACH);
     let mut uses = vec![WetDryFaces::default(); builder.materials.len()];
     let mut wet_faces: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
@@ -75,7 +75,7 @@ pub(super) fn wet_exposed_surfaces(
             }
         }
     }
-    Ok(())
+    Ok(wet_materials.into_values().collect())
 }
 
 /// Whether a material is bark, masonry or soil; leaves have got their film before, and water has none.
@@ -109,9 +109,10 @@ fn count_uses(mesh: &Mesh, wet: &[bool], materials: &[Material], uses: &mut [Wet
 }
 
 /// Placement of a mesh in the world, with the rain that it is exposed to.
-struct WorldSurface<'a> {
-    exposure: &'a RainExposure,
-    transform: Trs,
+pub(super) struct WorldSurface<'a> {
+    pub(super) exposure: &'a RainExposure,
+    /// World from mesh space.
+    pub(super) transform: Trs,
 }
 
 impl WorldSurface<'_> {
@@ -129,8 +130,8 @@ impl WorldSurface<'_> {
 }
 
 /// Whether each face of a mesh is wet, by the mean catch ratio of its corners; parallel to the triangles.
-fn rain_exposed_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
-    // Do not add vertices here, so that skins and recorded frames still fit the mesh.
+pub(super) fn rain_exposed_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
+    // No vertex is added here, so that skins and recorded frames still fit the mesh.
     let ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
     let mean = |t: &[u32; 3]| t.iter().map(|i| ratios[to_usize(*i)]).sum::<f32>() / 3.0;
     mesh.triangles.iter().map(|t| mean(t) >= WET_CATCH_RATIO).collect()
@@ -311,8 +312,8 @@ fn drop_unused_vertices(mesh: &mut Mesh) {
     retain(&mut mesh.uvs, &is_used);
 }
 
-/// Divides each subset into its dry faces, followed by its wet faces with the wet material.
-fn group_faces(mesh: &mut Mesh, wet: &[bool], wet_materials: &BTreeMap<MaterialId, MaterialId>) {
+/// Splits each subset into its dry faces and its wet ones, which follow them with the wet material.
+pub(super) fn group_faces(mesh: &mut Mesh, wet: &[bool], wet_materials: &BTreeMap<MaterialId, MaterialId>) {
     let subsets = std::mem::take(&mut mesh.subsets);
     let triangles = std::mem::take(&mut mesh.triangles);
     for subset in &subsets {

@@ -17,7 +17,7 @@ pub struct DryingLaw {
 
 impl DryingLaw {
     /// Wetness at time `t` of a cell that was last covered at time `covered`, s. Source: [yang-wu] eq. 11, without the distance.
-    fn wetness(self, covered: f32, t: f64) -> f64 {
+    pub(in crate::rain) fn wetness(self, covered: f32, t: f64) -> f64 {
         let wet = math::pow(self.fraction, (t - f64::from(covered)).max(0.0) / self.time);
         if wet < MIN_WETNESS { 0.0 } else { wet }
     }

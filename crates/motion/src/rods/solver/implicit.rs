@@ -1,6 +1,7 @@
 //! The default integrator: BDF2 with Newton's method on the whole system.
 
-use crate::rods::system::{RodSystem, subtract_corners};
+use crate::rods::prism::Vector9;
+use crate::rods::system::{RodSystem, SolverBuffers, subtract_corners};
 use crate::rods::tuning::{DIVERGENCE_LENGTHS, MAX_STEP_ITERATIONS, NEWTON_TOLERANCE};
 
 /// Share of an impulse that acts in a first (implicit Euler) step; the BDF2 steps that follow add the remaining third
@@ -31,6 +32,7 @@ impl RodSystem {
             self.step.factors[rod] = 1.0 + m.stiffness / ht;
         }
         self.step.next.copy_from_slice(&self.x);
+        self.step.moved.fill([0.0; 9]);
         let tolerance = NEWTON_TOLERANCE * self.shortest_interval();
         let (mut previous_update, mut growing) = (f64::MAX, 0);
         // Newton: solve J dx = r at the current iterate, update, and stop once no corner moves by more than the
@@ -41,9 +43,11 @@ impl RodSystem {
                 return Err(StepFailed);
             }
             let mut largest_update = 0.0_f64;
-            for (x, d) in self.step.next.iter_mut().zip(&self.step.change) {
+            let SolverBuffers { next, moved, change, .. } = &mut self.step;
+            for (((next, moved), d), x) in next.iter_mut().zip(moved).zip(change).zip(&self.x) {
                 for k in 0..9 {
-                    x[k] += d[k];
+                    moved[k] += d[k];
+                    next[k] = x[k] + moved[k];
                     largest_update = largest_update.max(d[k].abs());
                 }
             }
@@ -65,13 +69,8 @@ impl RodSystem {
     fn assemble_newton_system(&mut self, ht: f64) {
         let inverse = 1.0 / ht;
         let [now, then] = self.bdf2_weights();
-        // BDF2 velocity of the iterate: v = (x - 4/3 x_n + 1/3 x_(n-1)) / ht with ht = 2h/3; implicit Euler in a
-        // first step.
         for i in 0..self.x.len() {
-            for k in 0..9 {
-                let from = now * self.x[i][k] - then * self.before[0][i][k];
-                self.step.speed[i][k] = (self.step.next[i][k] - from) * inverse;
-            }
+            self.step.speed[i] = self.velocity_of_step(i, inverse);
         }
         // Spring forces S(x) with stiffness damping, and the blocks (1 + b/ht) K of the tangent stiffness.
         self.assemble_springs(true);
@@ -105,16 +104,21 @@ impl RodSystem {
         if self.history_reset { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
     }
 
+    /// BDF2 velocity of section `i` at the iterate, v = (x - 4/3 x_n + 1/3 x_(n-1)) / ht with ht = 2h/3; implicit Euler in a first
+    /// step. It is computed from displacements, d - 1/3 d_n: differences of positions, which lie far from the origin, would lose
+    /// the digits of small ones.
+    fn velocity_of_step(&self, i: usize, inverse: f64) -> Vector9 {
+        let [_, then] = self.bdf2_weights();
+        std::array::from_fn(|k| (self.step.moved[i][k] - then * self.before[0][i][k]) * inverse)
+    }
+
     fn accept_step(&mut self, ht: f64) {
-        let [share, then] = self.bdf2_weights();
-        // Shift the history: the new velocity is the BDF2 difference of positions.
+        let inverse = 1.0 / ht;
+        // Shift the history: the new velocity is that of the last iterate.
         for i in 0..self.x.len() {
-            for k in 0..9 {
-                let (next, now) = (self.step.next[i][k], self.x[i][k]);
-                let v = (next - share * now + then * self.before[0][i][k]) / ht;
-                (self.before[0][i][k], self.x[i][k]) = (now, next);
-                (self.before[1][i][k], self.v[i][k]) = (self.v[i][k], v);
-            }
+            let v = self.velocity_of_step(i, inverse);
+            (self.before[0][i], self.x[i]) = (self.step.moved[i], self.step.next[i]);
+            (self.before[1][i], self.v[i]) = (self.v[i], v);
         }
         self.history_reset = false;
     }
