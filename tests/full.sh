@@ -41,7 +41,7 @@ cargo test --release --test it presets_in_clients -- --ignored
 say "walls and wet ground at eight seeds"
 OSIER_SEEDS=8 cargo test --release --test it flights::
 
-say "flows that take minutes"
+say "flows and stands that take minutes"
 cargo test --release --lib lattice:: -- --ignored
 cargo test --release --test it control -- --ignored
 cargo test --release --test it rain_wind -- --ignored
@@ -49,6 +49,7 @@ cargo test --release --test it flights -- --ignored
 cargo test --release --test it storm -- --ignored
 cargo test --release --test it walls -- --ignored
 cargo test --release -p osier-motion --lib fluttering -- --ignored
+cargo test --release -p osier-plants --lib rule_tests -- --ignored
 cargo test --release -p osier-motion --lib counts_of_many_seeds -- --ignored
 
 say "the same bytes from debug, release and without the newer instruction sets"

@@ -164,6 +164,110 @@ fn a_vine_climbs_a_house_and_does_not_enter_it() {
     assert!(highest > 3.5, "the vine reaches the roof: {highest}");
 }
 
+/// Height and radius of the rings of a closed column of revolution, m.
+const COLUMN: [[f32; 2]; 5] = [[0.0, 0.35], [0.8, 0.45], [1.6, 0.28], [2.4, 0.4], [3.2, 0.22]];
+
+/// The column as an OBJ of so many sides.
+fn column_obj(sides: usize) -> String {
+    let mut text = String::new();
+    for [y, r] in COLUMN {
+        for k in 0..sides {
+            let (sin, cos) = (std::f64::consts::TAU * k as f64 / sides as f64).sin_cos();
+            text += &format!("v {} {y} {}\n", f64::from(r) * cos, -f64::from(r) * sin);
+        }
+    }
+    let top = COLUMN[COLUMN.len() - 1][0];
+    text += &format!("v 0 0 0\nv 0 {top} 0\n");
+    let last = (COLUMN.len() - 1) * sides;
+    for k in 0..sides {
+        let next = (k + 1) % sides;
+        for j in 0..COLUMN.len() - 1 {
+            let [a, b] = [k, next].map(|i| j * sides + i + 1);
+            text += &format!("f {a} {b} {} {}\n", b + sides, a + sides);
+        }
+        let ends = last + sides + 1;
+        text += &format!("f {ends} {} {}\nf {} {} {}\n", next + 1, k + 1, ends + 1, last + k + 1, last + next + 1);
+    }
+    text
+}
+
+/// Distance of a point from the side of the column, m, negative inside; above it that from the axis counts.
+fn from_column(p: Vec3) -> f32 {
+    let away = p.x.hypot(p.z);
+    let ring = COLUMN.windows(2).find(|w| (w[0][0]..=w[1][0]).contains(&p.y));
+    ring.map_or(away, |w| {
+        let [[y, r], [next_y, next_r]] = [w[0], w[1]];
+        away - r - (next_r - r) * (p.y - y) / (next_y - y)
+    })
+}
+
+/// Points of the wood of an OBJ that `bake` has written: those whose material is not that of leaves.
+fn wood_of_obj(path: &Path) -> Vec<Vec3> {
+    let text = fs::read_to_string(path).expect("OBJ");
+    let (mut points, mut used, mut leaves) = (Vec::new(), Vec::new(), false);
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => {
+                let numbers: Vec<f32> = words.take(3).map(|w| w.parse().expect("a number")).collect();
+                points.push(Vec3::from_slice(&numbers));
+                used.push(false);
+            }
+            Some("usemtl") => leaves = words.next().is_some_and(|name| name.ends_with("leaf")),
+            Some("f") if !leaves => {
+                for word in words {
+                    let index: usize = word.split('/').next().expect("a corner").parse().expect("an index");
+                    used[index - 1] = true;
+                }
+            }
+            _ => {}
+        }
+    }
+    points.into_iter().zip(used).filter(|(_, used)| *used).map(|(p, _)| p).collect()
+}
+
+/// A pole of 0.16 m and a column that is a mesh: a vine beside each climbs it and stays outside.
+#[test]
+fn a_vine_climbs_a_pole_and_a_mesh_and_does_not_enter_them() {
+    let dir = tempfile::tempdir().expect("dir");
+    fs::write(dir.path().join("column.obj"), column_obj(48)).expect("mesh");
+    let pole = Prism::block(Vec3::ZERO, Vec3::new(0.16, 4.0, 0.16), 0.0);
+    // Name, place of the vine along x, keys of the solid, its height.
+    for (name, x, solid, height) in [
+        ("pole", 0.2_f32, "size = [0.16, 4, 0.16]", 4.0),
+        ("column", 0.55, "shape = \"mesh\"\nmesh = \"column.obj\"", 3.2),
+    ] {
+        let (scene, out) = (dir.path().join(format!("{name}.toml")), dir.path().join(name));
+        let text = format!(
+            "[plants.vine]\nshapes = \"vine.shapes\"\n[plants.vine.growth]\nsolids = true\nclimb = [4, 2.5, 1]\navoid = 0\n\
+             gravity = [0, 0.05, 0.1]\nup = [0.3, 0.2, 0]\nwander = [0.3, 0.5, 0.5]\nroots = 3\ncoil = 0\nroot_radius = 0.12\n\
+             root_tilt_deg = [0, 20]\ntwist = [1, 1, 0]\nlength = [5, 0.6, 0.2]\nradius = 0.015\n[plants.vine.leaf]\nside = 64\n\
+             [plants.vine.bark]\nside = 64\n[plants.vine.skin]\nflare = 0\nbury = 0\n[ground]\nshow = false\n\
+             [[place]]\nplant = \"vine\"\nat = [{x}, 0, 0]\n[[solid]]\nname = \"{name}\"\n{solid}\n"
+        );
+        fs::write(&scene, text).expect("scene");
+        ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "obj"]);
+        let from = |p: Vec3| if name == "pole" { pole.nearest(p).distance } else { from_column(p) };
+        // The OBJ is in the space of the plant.
+        let wood: Vec<Vec3> = wood_of_obj(&out.join("obj/vine.obj")).into_iter().map(|p| p + Vec3::X * x).collect();
+        let deepest = wood.iter().map(|p| from(*p)).fold(f32::MAX, f32::min);
+        assert!(deepest > -0.005, "{name}: wood is {deepest} m inside");
+        // It stays near to beyond two thirds of the height, on all sides.
+        let near: Vec<&Vec3> = wood.iter().filter(|p| from(**p) < 0.15).collect();
+        let highest = near.iter().map(|p| p.y).fold(0.0, f32::max);
+        assert!(
+            near.len() * 3 > wood.len() && highest > 0.9 * height,
+            "{name}: {} of {}, {highest}",
+            near.len(),
+            wood.len()
+        );
+        for side in [Vec3::X, -Vec3::X, Vec3::Z, -Vec3::Z] {
+            let beyond = near.iter().filter(|p| p.dot(side) > 0.08 && p.y > 0.3 * height).count();
+            assert!(beyond > 0, "{name}: nothing at {side}");
+        }
+    }
+}
+
 #[test]
 fn a_growth_clip_ends_as_the_grown_plant_and_begins_with_nothing() {
     let text = "[frames]\nend = 12\n[plants.a]\nshapes = \"bush.shapes\"\ngrowth_clip = [0, 1]\n";

@@ -6,38 +6,41 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
+use super::golden_tests::Drawing;
 use super::season::Season;
 use super::tree::flag;
 use super::{GrownTree, Keep, Measures, PlantOptions, Prune, Site, TreeSpec, grow, grow_through};
 use crate::surface::{SkinOptions, skin};
 use osier_base::Error;
 use osier_base::limits::Limits;
+use osier_base::math;
 use osier_base::par::par_map;
 use osier_scene::plant::{Axis, Plant};
 use osier_scene::solid::{Form, Prism, Solid, Solids};
-use tables::{names, spec as species};
+pub(super) use tables::{names, spec as species};
 
 /// The reader of the examples.
 #[path = "../../../examples/common/mod.rs"]
 mod tables;
 
-fn grow_all(specs: &[TreeSpec], site: &Site) -> Vec<GrownTree> {
+pub(super) fn grow_all(specs: &[TreeSpec], site: &Site) -> Vec<GrownTree> {
     let alone: Vec<_> = specs.iter().collect();
     let grown = par_map(&alone, |spec| grow(std::slice::from_ref(*spec), site, &Limits::default()).expect("grows"));
     grown.into_iter().flatten().collect()
 }
 
-/// Measures of a tree of a table at the table's age.
-struct MatureTree {
-    measures: Measures,
-    bare_wood: BareWood,
-    /// Number of axes of each Strahler order, beginning with the twigs.
-    strahler_counts: Vec<usize>,
-    shell_share: f32,
+/// What the tests measure on a tree of a table at the table's age.
+pub(super) struct MatureTree {
+    pub measures: Measures,
+    pub bare_wood: BareWood,
+    /// Numbers of axes of each order after Strahler, from the twigs on.
+    pub strahler_counts: Vec<usize>,
+    pub shell_share: f32,
+    pub drawing: Drawing,
 }
 
 /// Seeds 1 and 2 of every table at its age, grown once for all tests that measure them.
-static MATURE: LazyLock<BTreeMap<String, Vec<MatureTree>>> = LazyLock::new(|| {
+pub(super) static MATURE: LazyLock<BTreeMap<String, Vec<MatureTree>>> = LazyLock::new(|| {
     let measured = |name: &String| {
         let trees = grow_all(&seeds(name, species(name, 1).age, 1..=2), &Site::default());
         let measure = |tree: &GrownTree| MatureTree {
@@ -45,36 +48,37 @@ static MATURE: LazyLock<BTreeMap<String, Vec<MatureTree>>> = LazyLock::new(|| {
             bare_wood: bare_wood(tree),
             strahler_counts: tree.strahler_counts(),
             shell_share: shell_share(tree),
+            drawing: Drawing::new(tree),
         };
         (name.clone(), trees.iter().map(measure).collect())
     };
     par_map(&names(), measured).into_iter().collect()
 });
 
-fn mature(name: &str) -> &'static [MatureTree] {
+pub(super) fn mature(name: &str) -> &'static [MatureTree] {
     MATURE.get(name).unwrap_or_else(|| panic!("no table {name}"))
 }
 
 /// The mean of a measure over the mature trees of a table.
-fn mature_mean(name: &str, measure: impl Fn(&Measures) -> f32) -> f32 {
+pub(super) fn mature_mean(name: &str, measure: impl Fn(&Measures) -> f32) -> f32 {
     mean(mature(name).iter().map(|tree| measure(&tree.measures)))
 }
 
-fn measures(specs: &[TreeSpec]) -> Vec<Measures> {
+pub(super) fn measures(specs: &[TreeSpec]) -> Vec<Measures> {
     grow_all(specs, &Site::default()).iter().map(GrownTree::measures).collect()
 }
 
-fn seeds(name: &str, age: f64, seeds: std::ops::RangeInclusive<u64>) -> Vec<TreeSpec> {
+pub(super) fn seeds(name: &str, age: f64, seeds: std::ops::RangeInclusive<u64>) -> Vec<TreeSpec> {
     seeds.map(|seed| TreeSpec { age, ..species(name, seed) }).collect()
 }
 
-fn mean(values: impl IntoIterator<Item = f32>) -> f32 {
+pub(super) fn mean(values: impl IntoIterator<Item = f32>) -> f32 {
     let values: Vec<f32> = values.into_iter().collect();
     values.iter().sum::<f32>() / values.len() as f32
 }
 
 /// Share of the tips beyond 0.6 of the crown's radius, about the middle of the tips.
-fn shell_share(tree: &GrownTree) -> f32 {
+pub(super) fn shell_share(tree: &GrownTree) -> f32 {
     let m = tree.measures();
     let away = |p: Vec3| Vec3::new(p.x - m.crown_center.x, 0.0, p.z - m.crown_center.z).length();
     let outside = tree.tips().filter(|p| away(*p) > 0.6 * 0.5 * m.crown_width).count();
@@ -83,8 +87,8 @@ fn shell_share(tree: &GrownTree) -> f32 {
 
 /// Amounts of wood without leaves on a tree in leaf.
 #[derive(Debug, Clone, Copy)]
-struct BareWood {
-    /// Share of the ends of axes longer than 0.3 m without a leaf or a fork in the last third of the axis.
+pub(super) struct BareWood {
+    /// Share of the ends of axes of more than 0.3 m behind which neither a leaf nor a fork stands in the last third of the axis.
     ends: f32,
     /// Stretches of living wood thinner than 5 mm without leaves and forks that are longer than 0.6 m, per open tip.
     whips: f32,
@@ -148,6 +152,7 @@ macro_rules! only_in_release {
         }
     };
 }
+pub(super) use only_in_release;
 
 #[test]
 fn every_table_grows_a_young_tree() {
@@ -309,15 +314,23 @@ fn young_crowns_are_dense() {
 #[test]
 fn crowns_are_as_wide_as_their_stems_allow() {
     only_in_release!();
-    let bounds = |name: &str| if matches!(name, "oak" | "beech") { 24.0..=29.0 } else { 20.0..=32.0 };
-    for name in ["oak", "beech", "linden", "ash", "cherry", "maple", "willow", "cottonwood"] {
+    let bounds = |name: &str| match name {
+        "oak" | "beech" => 24.0..=29.0,
+        // An umbrella: measured 32.7.
+        "acacia" => 20.0..=34.0,
+        _ => 20.0..=32.0,
+    };
+    for name in ["oak", "beech", "linden", "ash", "cherry", "maple", "willow", "cottonwood", "birch", "acacia"] {
         let ratio = mature_mean(name, |m| m.crown_width / m.dbh);
         assert!(mature_mean(name, |m| m.dbh) > 0.3, "{name}");
         assert!(bounds(name).contains(&ratio), "{name}: {ratio}");
     }
-    let row = grow_through(&species("oak", 1), &[30, 60, 90], &Site::default(), &Limits::default()).expect("grows");
-    for m in row.iter().map(GrownTree::measures) {
-        assert!((23.0..=29.5).contains(&(m.crown_width / m.dbh)), "{m:?}");
+    // The ratio of an oak falls until its stem is 0.3 m thick, and stays.
+    for seed in 1..=3 {
+        let ages = [20, 30, 40, 50, 60, 70, 80, 90];
+        let row = grow_through(&species("oak", seed), &ages, &Site::default(), &Limits::default()).expect("grows");
+        let ratios: Vec<f32> = row.iter().map(GrownTree::measures).map(|m| m.crown_width / m.dbh).collect();
+        assert!(ratios[0] > 30.0 && ratios[1..].iter().all(|r| (24.0..=29.0).contains(r)), "seed {seed}: {ratios:.1?}");
     }
 }
 
@@ -338,41 +351,76 @@ fn stems_are_as_slender_as_those_of_their_species() {
     }
 }
 
-/// Bifurcation ratios of the two lowest orders after Strahler.
+/// Bifurcation ratios of the two lowest orders after Strahler, and how near to a line the logarithms of the counts are. The axes of spruces,
+/// larches and willows bear short twigs in rows, those of cypresses sprays.
 #[test]
 fn branches_ramify_as_those_of_broadleaves() {
     only_in_release!();
-    for name in ["oak", "beech", "birch", "apple", "ash", "hazel"] {
-        let counts = &mature(name)[0].strahler_counts;
-        for pair in counts.windows(2).take(2) {
-            let ratio = pair[0] as f64 / pair[1] as f64;
-            assert!((2.7..=6.3).contains(&ratio), "{name}: {counts:?}");
+    let broadleaves = [
+        "acacia",
+        "apple",
+        "ash",
+        "beech",
+        "birch",
+        "cherry",
+        "cottonwood",
+        "hazel",
+        "japanese-maple",
+        "linden",
+        "maple",
+        "oak",
+        "poplar",
+    ];
+    for name in broadleaves {
+        // Measured: 2.83 of birch, 2.77 of hazel.
+        let least = if matches!(name, "birch" | "hazel") { 2.7 } else { 3.0 };
+        for counts in mature(name).iter().map(|tree| &tree.strahler_counts) {
+            for pair in counts.windows(2).take(2) {
+                let ratio = pair[0] as f64 / pair[1] as f64;
+                assert!((least..=6.0).contains(&ratio), "{name}: {counts:?}");
+            }
+            let fit = correlation(counts.iter().map(|count| math::ln(*count as f64)));
+            assert!(fit * fit > 0.95, "{name}: {fit} {counts:?}");
         }
     }
+}
+
+/// Correlation of values with their index, -1 to 1.
+fn correlation(values: impl Iterator<Item = f64>) -> f64 {
+    let points: Vec<[f64; 2]> = values.zip(0_u16..).map(|(v, i)| [f64::from(i), v]).collect();
+    let means = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64);
+    let product = |a: usize, b: usize| points.iter().map(|p| (p[a] - means[a]) * (p[b] - means[b])).sum::<f64>();
+    product(0, 1) / (product(0, 0) * product(1, 1)).sqrt()
 }
 
 #[test]
 fn crowns_have_the_leaf_area_of_trees_and_bear_it_outside() {
     only_in_release!();
-    for name in ["oak", "beech", "birch", "pine", "spruce", "apple", "ash", "linden", "willow", "cottonwood"] {
-        let index = mature_mean(name, |m| m.leaf_area_index);
-        // Stands of spruce bear more than broadleaves: their needles live for years and shade each other in clumps.
-        let most = if name == "spruce" { 7.5 } else { 6.5 };
-        assert!((1.5..=most).contains(&index), "{name}: {index}");
+    for name in names() {
+        let index = mature_mean(&name, |m| m.leaf_area_index);
+        let range = match name.as_str() {
+            // Columns stand on less ground than their leaves get light from: measured 43, 23, 22.
+            "cypress" | "poplar" | "thuja" => 20.0..=45.0,
+            // Measured: 1.4 of acacia, whose leaves are small, and 7.5 of larch.
+            "acacia" => 1.2..=6.5,
+            "larch" => 1.5..=7.8,
+            _ => 1.5..=6.5,
+        };
+        assert!(range.contains(&index), "{name}: {index}");
     }
     // Shares of an oak's tips beyond 0.6 of the radius of its crown, about the middle of its tips: without shade they fill it.
     let shell = mean(mature("oak").iter().map(|tree| tree.shell_share));
-    assert!((0.38..=0.53).contains(&shell), "{shell}");
+    assert!((0.43..=0.53).contains(&shell), "{shell}");
 }
 
 #[test]
 fn individuals_differ_but_not_much() {
     only_in_release!();
-    let m = measures(&seeds("oak", 40.0, 1..=8));
+    let m = measures(&seeds("oak", 60.0, 1..=8));
     let (height, width) = (mean(m.iter().map(|m| m.height)), mean(m.iter().map(|m| m.crown_width)));
     for (i, a) in m.iter().enumerate() {
         assert!(
-            (a.height / height - 1.0).abs() < 0.07 && (a.crown_width / width - 1.0).abs() < 0.15,
+            (a.height / height - 1.0).abs() < 0.05 && (a.crown_width / width - 1.0).abs() < 0.1,
             "{height} {width} {a:?}"
         );
         assert!(m[..i].iter().all(|b| b.nodes != a.nodes), "no two alike");
@@ -422,7 +470,7 @@ fn crowns_shift_to_the_brighter_side() {
 #[test]
 fn two_trees_share_a_dome() {
     only_in_release!();
-    for seed in 1..=6 {
+    for seed in 1..=8 {
         let specs: Vec<TreeSpec> = [-2.0, 2.0]
             .iter()
             .zip(0..)

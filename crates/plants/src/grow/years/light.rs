@@ -350,6 +350,13 @@ fn to_u32(i: usize) -> u32 {
 /// Source: tau(x) = bilinear read of the layer above at the sheared position + the cell's own depth over the sine of the
 /// elevation; exp(-(tau above + half of the own depth)), the law of Beer and Lambert.
 fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u32]) -> Vec<f32> {
+    let mut out = negative_depths(grid, depth, direction, cells);
+    Arch::new().dispatch(Exponentials(&mut out));
+    out
+}
+
+/// The logarithm of [`transmittance`]: the optical depth towards a direction of the sky, negative.
+fn negative_depths(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u32]) -> Vec<f32> {
     let [nx, ny, nz] = grid.size;
     let per_sine = 1.0 / direction.d.y;
     let shear = Shear::new(direction);
@@ -377,7 +384,6 @@ fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u
         end = first;
         std::mem::swap(&mut above, &mut here);
     }
-    arch.dispatch(Exponentials(&mut out));
     out
 }
 
@@ -509,15 +515,27 @@ mod tests {
 
     #[test]
     fn depths_add_and_deposits_keep_their_area() {
-        let (one, two) = (slab(0.01), slab(0.02));
-        let top = SkyDirection { d: Vec3::new(0.6, 0.8, 0.0), weight: 1.0 };
+        // Two scatterings of leaves, and both together.
+        let scattered = |turn: f32| {
+            let mut areas = slab(0.0);
+            for i in 0..3000_u16 {
+                let f = f32::from(i) + turn;
+                areas.deposit(Vec3::new((f * 0.371) % 9.0, (f * 0.533) % 3.0, (f * 0.717) % 9.0), 0.01 + 0.02 * turn);
+            }
+            areas
+        };
+        let (one, two) = (scattered(0.0), scattered(0.37));
+        let sum = LeafAreas { areas: one.areas.iter().zip(&two.areas).map(|(a, b)| a + b).collect(), grid: one.grid };
         let cells: Vec<u32> = (0..to_u32(one.grid.len())).collect();
-        let depth =
-            |areas: &LeafAreas| -> Vec<f32> { areas.areas.iter().map(|a| narrow(*a as f64 / AREA_UNITS)).collect() };
-        let (a, b) = (depth(&one), depth(&two));
-        let (ta, tb) = (transmittance(&one.grid, &a, top, &cells), transmittance(&two.grid, &b, top, &cells));
-        for (x, y) in ta.iter().zip(&tb) {
-            assert!((x * x - y).abs() < 1e-6, "{x} {y}");
+        let top = SkyDirection { d: Vec3::new(0.6, 0.8, 0.0), weight: 1.0 };
+        let depths = |areas: &LeafAreas| {
+            let own: Vec<f32> = areas.areas.iter().map(|a| narrow(*a as f64 / AREA_UNITS)).collect();
+            negative_depths(&areas.grid, &own, top, &cells)
+        };
+        let (a, b, both) = (depths(&one), depths(&two), depths(&sum));
+        assert!(both.iter().fold(0.0, |most: f32, d| most.max(-d)) > 0.1, "they shade");
+        for (d, (a, b)) in both.iter().zip(a.iter().zip(&b)) {
+            assert!((a + b - d).abs() < 2e-7, "{a} + {b} is not {d}");
         }
         let mut areas = LeafAreas::new(one.grid);
         for i in 0..1000_u16 {

@@ -267,4 +267,8 @@ mod clip_tests;
 #[cfg(test)]
 mod forestry_tests;
 #[cfg(test)]
+mod golden_tests;
+#[cfg(test)]
+mod rule_tests;
+#[cfg(test)]
 mod tests;

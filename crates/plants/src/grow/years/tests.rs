@@ -161,6 +161,9 @@ fn a_fork_of_three_shares_vigour_in_closed_form() {
     assert!((tree.nodes.vigour[0] - total).abs() < 1e-6);
     assert!((tree.nodes.vigour[1] - total * 0.6 * 0.8 / wanted).abs() < 1e-6);
     assert!((tree.nodes.vigour[2] - total * 0.4 * 0.5 / wanted).abs() < 1e-6);
+    // The bud gets what is left.
+    let bud = tree.scratch.factor[0] * (1.0 - tree.control_at(&Season::new(&habit, 5), 0)) * tree.buds[0].gathered;
+    assert!((bud - total * 0.4 * 0.3 / wanted).abs() < 1e-6);
 }
 
 #[test]
