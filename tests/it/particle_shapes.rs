@@ -231,7 +231,8 @@ fn wood_of_obj(path: &Path) -> Vec<Vec3> {
 fn a_vine_climbs_a_pole_and_a_mesh_and_does_not_enter_them() {
     let dir = tempfile::tempdir().expect("dir");
     fs::write(dir.path().join("column.obj"), column_obj(48)).expect("mesh");
-    let pole = Prism::block(Vec3::ZERO, Vec3::new(0.16, 4.0, 0.16), 0.0);
+    let block = Prism::block(Vec3::ZERO, Vec3::new(0.16, 4.0, 0.16), 0.0);
+    let pole = Solid { name: "pole".into(), form: Form::Prism(block), humidity: 0.0 };
     // Name, place of the vine along x, keys of the solid, its height.
     for (name, x, solid, height) in [
         ("pole", 0.2_f32, "size = [0.16, 4, 0.16]", 4.0),
