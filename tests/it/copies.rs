@@ -150,7 +150,7 @@ fn blender_opens_a_wood_of_a_hundred_trees() {
 }
 
 /// Blender's time grows with the armatures. The seconds allowed are some ten times as many as on a quiet machine, so that only a file that
-/// overwhelms Blender fails, and not a machine that does other things too.
+/// overwhelms Blender fails.
 #[test]
 fn blender_opens_the_meadow_and_the_showcase_from_gltf() {
     let Some(python) = clients::python() else { return };
