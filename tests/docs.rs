@@ -12,14 +12,19 @@ use osier::recipe::{Library, Request, resolve};
 #[path = "it/common/synthetic.rs"]
 mod synthetic;
 
-fn held(name: &str, expected: &str) {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
-    let found = std::fs::read_to_string(&path).unwrap_or_default();
-    if found != expected && std::env::var("OSIER_BLESS").is_ok() {
+/// Whether a document differs from what it must be; with `OSIER_BLESS` it is then written.
+fn differs(name: &str, expected: &str) -> bool {
+    let path = root().join("docs").join(name);
+    let differs = std::fs::read_to_string(&path).unwrap_or_default() != expected;
+    if differs && std::env::var("OSIER_BLESS").is_ok() {
         std::fs::write(&path, expected).expect("write");
     }
+    differs
+}
+
+fn held(name: &str, expected: &str) {
     assert!(
-        found == expected,
+        !differs(name, expected),
         "docs/{name} differs from the table in the source; OSIER_BLESS=1 cargo test --test docs"
     );
 }
@@ -74,10 +79,119 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// A section of `docs/gallery/species.md`.
+struct SpeciesSection {
+    /// Name of the species' file, as its picture has it.
+    name: String,
+    /// The line of the picture.
+    picture: String,
+    /// Preset of the scene, and the ages in a row.
+    scene: String,
+    ages: String,
+    /// What the crown looks like.
+    words: String,
+}
+
+/// The sections of `docs/gallery/species.md`: a picture, a line of figures that begins with the command, and a paragraph.
+fn species_sections() -> Vec<SpeciesSection> {
+    let text = std::fs::read_to_string(root().join("docs/gallery/species.md")).expect("species.md");
+    let between = |text: &str, begin: &str, end: &str| {
+        let (_, rest) = text.split_once(begin).unwrap_or_else(|| panic!("{begin} is missing: {text}"));
+        rest.split(end).next().unwrap_or_default().trim().to_owned()
+    };
+    let section = |section: &str| {
+        let paragraphs: Vec<&str> = section.split("\n\n").map(str::trim).collect();
+        let [_, picture, figures, words] = paragraphs[..] else { panic!("not four paragraphs: {section}") };
+        SpeciesSection {
+            name: between(picture, "](species-", ".jpg)"),
+            picture: picture.replace("](", "](../gallery/"),
+            scene: between(figures, "`osier preview ", "`"),
+            ages: between(figures, "· ages ", "·").replace(' ', ""),
+            words: words.to_owned(),
+        }
+    };
+    text.split("\n## ").skip(1).map(section).collect()
+}
+
+/// The keys of a species' file as `osier list options --json` has them: path below the plant, default, unit and help.
+fn habit_keys() -> Vec<[String; 4]> {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_osier"))
+        .args(["list", "options", "--json"])
+        .output()
+        .expect("osier runs");
+    let keys: Vec<serde_json::Value> = serde_json::from_slice(&output.stdout).expect("JSON");
+    let row = |key: &serde_json::Value| {
+        let [path, default, unit, help] =
+            ["path", "default_text", "unit", "help"].map(|name| key[name].as_str().unwrap_or_default());
+        let path = path.strip_prefix("plants.NAME.")?;
+        let own = path.starts_with("habit.") || path.starts_with("site.") || path.starts_with("stand.");
+        own.then(|| {
+            [path.to_owned(), default.to_owned(), unit.replace("m2", "m²").replace("m3", "m³"), help.to_owned()]
+        })
+    };
+    keys.iter().filter_map(row).collect()
+}
+
+/// The page of a species: picture, what it measures, commands, the tables of its scene and the values of its habit.
+fn species_page(species: &SpeciesSection, keys: &[[String; 4]]) -> String {
+    let SpeciesSection { name, picture, scene, ages, words } = species;
+    let preset = |name: String| {
+        let found = osier::presets::find(&name);
+        found.unwrap_or_else(|| panic!("no preset {name}")).text
+    };
+    let (habit, scene_text) = (preset(format!("{name}.species")), preset(format!("{scene}.toml")));
+    let mut remarks = habit.lines().map_while(|line| line.strip_prefix("# "));
+    let (title, about) = remarks.next().and_then(|line| line.split_once(": ")).expect("its first line");
+    let measured = remarks.next().expect("its second line").replace("m2", "m²");
+    let (start, end) = (scene_text.find("[plants.").expect("a plant"), scene_text.find("[[place]]").expect("a place"));
+    let plant = scene_text[start..].strip_prefix("[plants.").and_then(|t| t.split(']').next()).expect("a name");
+    let mut text = format!(
+        "# {title}\n\nA species that grows year by year ([growth.md](../growth.md); [all nineteen](../gallery/species.md)): {about}\n\n\
+         {picture}\n\n{words}\n\n{measured}\n\n    osier preview {scene}\n    \
+         osier preview {scene} --sweep plants.{plant}.age={ages}\n    osier preview {scene} --seeds 0-3\n    \
+         osier bake {scene}\n    osier grow {name}.species -o {name}.glb\n\n## In a scene\n\n\
+         The plant of the preset `{scene}`:\n\n```toml\n{}\n```\n\n## Habit\n\n\
+         What `{name}.species` sets. `[plants.{plant}.habit]` in a scene lays other values over them, \
+         `[plants.{plant}.stand]` over those of `stand`;\n`osier list options habit` tells the ranges. Lists have one number for each order of axes, from the trunk on.\n\n\
+         | key | value | default | unit | what it is |\n|---|---|---|---|---|\n",
+        scene_text[start..end].trim_end()
+    );
+    let mut table = "habit".to_owned();
+    for line in habit.lines().filter_map(|line| line.split('#').next()) {
+        if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.split(']').next()) {
+            name.clone_into(&mut table);
+        }
+        let Some((key, value)) = line.split_once('=') else { continue };
+        let path = format!("{table}.{}", key.trim());
+        let found = keys.iter().find(|row| row[0] == path);
+        let [_, default, unit, help] = found.unwrap_or_else(|| panic!("{name}.species: no key {path}"));
+        let shown = path.trim_start_matches("habit.");
+        text.push_str(&format!("| `{shown}` | {} | {default} | {unit} | {help} |\n", value.trim()));
+    }
+    text
+}
+
+/// Each species has a page, made from its file, its scene and its section of the gallery.
+#[test]
+fn species_pages() {
+    let (sections, keys) = (species_sections(), habit_keys());
+    let files = osier::presets::PRESETS.iter().filter_map(|p| p.name.strip_suffix(".species"));
+    let mut named: Vec<&str> = sections.iter().map(|s| s.name.as_str()).collect();
+    named.sort_unstable();
+    assert_eq!(files.collect::<Vec<_>>(), named, "docs/gallery/species.md has a section for each species");
+    let page = |name: &str| format!("species/{name}.md");
+    let stale = sections.iter().filter(|species| differs(&page(&species.name), &species_page(species, &keys)));
+    let stale: Vec<&String> = stale.map(|species| &species.name).collect();
+    assert!(
+        stale.is_empty(),
+        "docs/species: {stale:?} differ from their sources; OSIER_BLESS=1 cargo test --test docs"
+    );
+}
+
 /// Name and text of every document.
 fn documents() -> Vec<(String, String)> {
     let mut paths: Vec<PathBuf> = Vec::new();
-    for folder in [root().to_owned(), root().join("docs"), root().join("docs/gallery")] {
+    for folder in ["", "docs", "docs/gallery", "docs/species"].map(|folder| root().join(folder)) {
         let entries = std::fs::read_dir(folder).expect("folder").map(|e| e.expect("entry").path());
         paths.extend(entries.filter(|p| p.extension().is_some_and(|e| e == "md")));
     }

@@ -1,11 +1,13 @@
-"""What Cycles renders of a scene's sky: cycles_sky.py FILE.usda EXPECTED.json
+"""What Cycles renders of a scene's sky: cycles_sky.py FILE EXPECTED.json
 
-Runs under bpy (5.0). Imports into the factory file, looks all around from above the plants and renders without a view transform.
+Runs under bpy (4.2 or newer). FILE is the stage of a bake, which Blender's own importer reads into the factory file, or its manifest, which
+the extension in `blender/` imports. Then only the sky is kept: the script looks all around and renders without a view transform.
 EXPECTED: {"directions": [[x, y, z], ...]} in osier's space, above the horizon. Prints {"pixels": [[r, g, b], ...], "seconds"}.
 """
 import json
 import math
 import os
+import pathlib
 import sys
 import tempfile
 import time
@@ -16,15 +18,21 @@ from mathutils import Vector
 path, wanted = sys.argv[-2:]
 wanted = json.load(open(wanted, encoding="utf-8"))
 bpy.ops.wm.read_factory_settings(use_empty=False)
+if path.endswith(".json"):
+    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "blender"))
+    import osier_import
+
+    osier_import.register()
+    assert bpy.ops.import_scene.osier(filepath=path) == {"FINISHED"}
+else:
+    bpy.ops.wm.usd_import(filepath=path)
 for o in list(bpy.data.objects):
     bpy.data.objects.remove(o)
-bpy.ops.wm.usd_import(filepath=path)
 
 scene = bpy.context.scene
 camera = bpy.data.objects.new("around", bpy.data.cameras.new("around"))
 scene.collection.objects.link(camera)
 scene.camera = camera
-camera.location = (0.0, 0.0, 100.0)
 camera.rotation_euler = (math.pi / 2, 0.0, 0.0)  # Looks along Blender's +Y, osier's -Z.
 camera.data.type = "PANO"
 camera.data.panorama_type = "EQUIRECTANGULAR"
@@ -34,7 +42,7 @@ scene.cycles.samples = 1
 scene.cycles.use_denoising = False
 scene.cycles.pixel_filter_type = "BLACKMAN_HARRIS"
 scene.cycles.filter_width = 0.01
-width, height = 128, 64
+width, height = 512, 256
 scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
 scene.render.image_settings.file_format = "OPEN_EXR"
 scene.render.image_settings.color_depth = "32"
@@ -53,4 +61,6 @@ for x, y, z in wanted["directions"]:
     v = 0.5 + math.asin(d.y) / math.pi
     at = 4 * (min(int(v * height), height - 1) * width + min(int(u * width), width - 1))
     out.append(list(pixels[at:at + 3]))
-print(json.dumps({"pixels": out, "seconds": seconds}))
+print(json.dumps({"pixels": out, "seconds": seconds}), flush=True)
+# Blender 4.5 as a module may not end by itself while an add-on is registered.
+os._exit(0)

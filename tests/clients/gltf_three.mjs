@@ -53,11 +53,12 @@ function meshesOf(gltf, name) {
   return found;
 }
 
-// Largest distance between lists of points; in any order, that of each point to the nearest of the other list.
+// Largest distance along an axis between lists of points; in any order, that of each point to the nearest of the other list.
 function distance(got, want, anyOrder) {
   const all = want.map((p) => new THREE.Vector3(...p));
-  if (!anyOrder) return Math.max(...got.map((p, i) => p.distanceTo(all[i])));
-  const nearest = (p, list) => Math.min(...list.map((q) => p.distanceTo(q)));
+  const apart = (p, q) => Math.max(Math.abs(p.x - q.x), Math.abs(p.y - q.y), Math.abs(p.z - q.z));
+  if (!anyOrder) return Math.max(...got.map((p, i) => apart(p, all[i])));
+  const nearest = (p, list) => Math.min(...list.map((q) => apart(p, q)));
   return Math.max(...got.map((p) => nearest(p, all)), ...all.map((p) => nearest(p, got)));
 }
 

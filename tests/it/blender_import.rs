@@ -135,6 +135,34 @@ fn blocks(path: &Path) -> Vec<f32> {
     (0..12 * 16 * 3).map(|i| block(i / 3 % 16, i / 48, i % 3)).collect()
 }
 
+/// Blender before 4.2 has no extensions: Debian's 3.4.1 installs the zip that is made for it as an add-on. It has no USD either, and says so.
+#[test]
+fn the_legacy_zip_installs_in_a_blender_without_extensions() {
+    let (Some(python), Some(blender)) = (clients::python(), clients::blender()) else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    clients::run(Command::new(&python).arg(sources().join("build.py")).arg(dir.path()));
+    let zips = fs::read_dir(dir.path()).expect("zips").map(|entry| entry.expect("entry").path());
+    let zip = zips.into_iter().find(|z| arg(z).contains("legacy")).expect("the zip for old versions");
+    let mut script = Command::new(&blender);
+    script.args(["--background", "--factory-startup", "--python-exit-code", "9", "--python"]);
+    script.arg(sources().join("tests/legacy.py")).arg("--").arg(&zip).arg(dir.path().join("manifest.json"));
+    let user = dir.path().join("user");
+    fs::create_dir(&user).expect("folder");
+    let output = clients::run(script.env("BLENDER_USER_SCRIPTS", &user)).stdout;
+    let text = String::from_utf8_lossy(&output);
+    let line = text.lines().rfind(|line| line.starts_with('{')).unwrap_or_default();
+    let report: Value = serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {text}"));
+    assert_eq!(report["name"], json!("osier Import"), "{report}");
+    for file in ["LICENSE", "__init__.py", "ops.py", "stage.py"] {
+        assert!(report["files"].as_array().is_some_and(|files| files.contains(&json!(file))), "{file}: {report}");
+    }
+    assert!(report["classes"].as_array().is_some_and(|classes| classes.len() >= 2), "{report}");
+    assert_eq!(report["menu"].as_array().map(Vec::len), Some(1), "{report}");
+    let refused = report["refusal"].as_str().is_some_and(|words| words.contains("without USD"));
+    assert_eq!(refused, report["usd"] == json!(false), "{report}");
+    assert_eq!((&report["disabled"], &report["left"]), (&json!([]), &json!(false)), "{report}");
+}
+
 /// Blender's USD importer gives curves no material; osier's takes it from the manifest.
 #[test]
 fn hairs_have_their_material_in_blender() {

@@ -57,10 +57,10 @@ fn complete(command: &str, folder: &Path) -> Option<Vec<String>> {
 fn documents() -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = vec![root.join("README.md")];
-    let docs = std::fs::read_dir(root.join("docs")).expect("docs").map(|e| e.expect("entry").path());
-    files.extend(docs.filter(|p| p.extension().is_some_and(|e| e == "md")));
-    let gallery = std::fs::read_dir(root.join("docs/gallery")).expect("gallery").map(|e| e.expect("entry").path());
-    files.extend(gallery.filter(|p| p.extension().is_some_and(|e| e == "md")));
+    for folder in ["docs", "docs/gallery", "docs/species"] {
+        let paths = std::fs::read_dir(root.join(folder)).expect(folder).map(|e| e.expect("entry").path());
+        files.extend(paths.filter(|p| p.extension().is_some_and(|e| e == "md")));
+    }
     files.iter().map(|path| std::fs::read_to_string(path).expect("document")).collect()
 }
 

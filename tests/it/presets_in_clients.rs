@@ -30,6 +30,15 @@ fn baked(folder: &Path, preset: &str, formats: &[&str]) -> PathBuf {
     out
 }
 
+/// Whether anything of a bake has triangles or instances, by its manifest.
+fn has_surfaces(folder: &Path) -> bool {
+    let text = std::fs::read_to_string(folder.join("manifest.json")).expect("manifest");
+    let manifest: Value = serde_json::from_str(&text).expect("JSON");
+    let counts = |asset: &Value, key: &str| asset[key].as_u64().is_some_and(|n| n > 0);
+    let assets = manifest["assets"].as_array().expect("assets");
+    assets.iter().any(|asset| counts(asset, "vertices") || counts(asset, "instances"))
+}
+
 /// Imports presets into one Blender after the other: placements, leaves, frame rate, range and camera are those of the manifests.
 fn import(presets: &[&str]) {
     let Some(python) = clients::python() else { return };
@@ -70,13 +79,17 @@ fn the_validators_have_nothing_to_say_about_any_preset() {
             names.keys().filter(|name| endings.iter().any(|e| name.ends_with(e))).map(|name| out.join(name)).collect()
         };
         let (models, stages) = (files(&[".glb", ".gltf"]), files(&[".usda", ".usdc"]));
-        assert!(models.len() >= 3 && !stages.is_empty(), "{preset}: {:?}", names.keys());
-        let mut command = Command::new(&node);
-        let told = clients::run(command.arg(clients::script("gltf_validate.mjs")).arg(&modules).args(&models));
-        let reports = String::from_utf8_lossy(&told.stdout);
-        let said = reports.lines().filter(|line| !line.contains("\"errors\":0,\"warnings\":0,"));
-        faults.extend(said.map(|line| format!("{preset}: {line}")));
-        assert_eq!(reports.lines().count(), models.len(), "{preset}: {reports}");
+        // glTF has no files of scenes of moving points alone.
+        let wanted = if has_surfaces(&out) { 3 } else { 0 };
+        assert!(models.len() >= wanted && !stages.is_empty(), "{preset}: {:?}", names.keys());
+        if !models.is_empty() {
+            let mut command = Command::new(&node);
+            let told = clients::run(command.arg(clients::script("gltf_validate.mjs")).arg(&modules).args(&models));
+            let reports = String::from_utf8_lossy(&told.stdout);
+            let said = reports.lines().filter(|line| !line.contains("\"errors\":0,\"warnings\":0,"));
+            faults.extend(said.map(|line| format!("{preset}: {line}")));
+            assert_eq!(reports.lines().count(), models.len(), "{preset}: {reports}");
+        }
         // It ends with 1 after the first preset about which a validator says anything.
         clients::python_script(&python, "usd_validate.py", &stages.iter().map(|p| arg(p)).collect::<Vec<_>>());
     }

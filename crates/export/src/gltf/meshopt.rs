@@ -148,6 +148,16 @@ mod tests {
 
     use super::*;
 
+    const SIX_VERTICES: &str = "a0013ff000005d5d5d5d5d020688880000000000013ff000003ebac94d2e010230000004020555550000000000000000\
+        00000000000000000000000000000000000000000000000000000000409c0000";
+    const TWELVE_TRIANGLES: &str = "e1f01000100010001000100010007687566778a9866589689801690000";
+    const SIX_ROTATIONS_OF_12_BITS: &str = "a0011ff00000af5bd836013ff000000e03170608010ff00000b1d62245010ff000000a050906010ff00000b1a09e8b01\
+        0f3000000a0d04011ca000000300000000000000000000000000000000000000000000000000000000000000ff07";
+    const SIX_ROTATIONS_OF_16_BITS: &str = "a0011ff00000f9076b8f013ff00000fe497a6e64010fb00000fbb94b010ff00000b4719d5c010ff00000fb2917c1010f\
+        f00000b4d51538011ca000000300000000000000000000000000000000000000000000000000000000000000ff7f";
+    const SIX_VECTORS: &str = "a000013ff00000141414141401002000000000013ff00000141414141401080000000000013ff000001414b514140101\
+        00000000000000000000000000000000000000000000000000cefff400f3fff4001800f4";
+
     #[test]
     fn streams_begin_with_the_versions_of_the_extension() {
         let mut workspace = Workspace::default();
@@ -186,5 +196,78 @@ mod tests {
         back.sort_unstable();
         want.sort_unstable();
         assert_eq!(back, want);
+    }
+
+    /// Quantised positions of `count` vertices: four integers of two bytes.
+    fn sample_vertices(count: u32) -> Vec<u8> {
+        let vertex = |i: u32| [i * 977 % 65_536, i * i * 31 % 65_536, 40_000 - i % 7 * 3, 0];
+        (0..count).flat_map(vertex).flat_map(|c| u16::try_from(c).expect("two bytes").to_le_bytes()).collect()
+    }
+
+    /// Two triangles on every other vertex of a strip, as indices of two bytes.
+    fn sample_triangles(count: u16) -> Vec<u8> {
+        let pair = |i: u16| [2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 2, 2 * i + 1, 2 * i + 3];
+        (0..count).flat_map(pair).flat_map(u16::to_le_bytes).collect()
+    }
+
+    /// Rotations whose largest component, and its sign, change from one to the next.
+    fn sample_rotations(count: usize) -> Vec<u8> {
+        const TURNS: [[i16; 4]; 5] = [
+            [0, 0, 0, 32_767],
+            [23_170, 0, 0, 23_170],
+            [16_384, 16_384, 16_384, 16_384],
+            [-18_918, 6_000, -3_000, 26_000],
+            [5_000, -30_000, 9_000, 8_300],
+        ];
+        let turn = |i: usize| (0..4).map(move |c| TURNS[i % 5][(c + i) % 4]);
+        (0..count).flat_map(turn).flat_map(i16::to_le_bytes).collect()
+    }
+
+    /// Vectors of up to 3 m, m.
+    fn sample_vectors(count: u32) -> Vec<u8> {
+        let component = |i: u32| (f32::from(u16::try_from(i * 37 % 101).expect("small")) - 50.0) / 16.0;
+        (0..3 * count).map(component).flat_map(f32::to_le_bytes).collect()
+    }
+
+    /// FNV-1a of 64 bits.
+    fn fnv(bytes: &[u8]) -> u64 {
+        bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3))
+    }
+
+    /// The bytes are those of the encoder that readers' decoders are tested with: `MeshoptEncoder` of the npm package meshoptimizer
+    /// 1.3.0, in C++, with `encodeVertexBufferLevel(.., 0, 0)`, `encodeIndexBuffer`, `encodeFilterQuat` and `encodeFilterExp`
+    /// ("SharedVector").
+    #[test]
+    fn streams_are_those_of_the_reference_encoder() {
+        let vertices = Stream::Attributes { stride: 8 };
+        let triangles = Stream::Triangles { stride: 2 };
+        let mut workspace = workspace();
+        let mut encode = |stream: Stream, bytes: &[u8]| {
+            let count = bytes.len() / stream.stride();
+            stream.encode(bytes, count, &mut workspace).expect("encodes")
+        };
+        let short = [
+            (vertices, sample_vertices(6), SIX_VERTICES),
+            (triangles, sample_triangles(6), TWELVE_TRIANGLES),
+            (Stream::INSTANCE_ROTATIONS, sample_rotations(6), SIX_ROTATIONS_OF_12_BITS),
+            (Stream::KEY_ROTATIONS, sample_rotations(6), SIX_ROTATIONS_OF_16_BITS),
+            (Stream::Vectors, sample_vectors(6), SIX_VECTORS),
+        ];
+        for (stream, bytes, wanted) in short {
+            let text: String = encode(stream, &bytes).iter().map(|b| format!("{b:02x}")).collect();
+            assert_eq!(text, wanted, "{stream:?}");
+        }
+        // Streams of several blocks: length and hash.
+        let long = [
+            (vertices, sample_vertices(3000), (12_786, 0x5a42_5d20_105a_73ee)),
+            (triangles, sample_triangles(3000), (6_017, 0x2df7_f84d_65f0_7267)),
+            (Stream::INSTANCE_ROTATIONS, sample_rotations(3000), (15_957, 0x1559_97e0_67c4_10cb)),
+            (Stream::KEY_ROTATIONS, sample_rotations(3000), (19_403, 0xaf64_b9f2_798a_ee23)),
+            (Stream::Vectors, sample_vectors(3000), (11_865, 0xe974_4661_8d9c_646a)),
+        ];
+        for (stream, bytes, wanted) in long {
+            let encoded = encode(stream, &bytes);
+            assert_eq!((encoded.len(), fnv(&encoded)), wanted, "{stream:?}");
+        }
     }
 }
