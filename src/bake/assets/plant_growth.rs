@@ -184,7 +184,7 @@ fn grow_from_source(
     };
     let mut report = Report { sources: grammar.sources().clone(), ..Report::default() };
     // A clip shows the plant through its derivation, if the grammar allows that.
-    match develop(recipe, grammar, individual, set, site.frames, context)? {
+    match develop(recipe, individual, set, site.frames, context)? {
         Development::Clip(mut clip) => {
             report.output = std::mem::take(&mut clip.output);
             std::mem::take(&mut clip.warnings).into_iter().for_each(|d| report.push(d));
@@ -222,13 +222,13 @@ enum Development {
 /// `Input` with the faults of derivation and drawing.
 fn develop(
     recipe: &PlantRecipe,
-    grammar: &Grammar,
     individual: &Individual,
     set: &MaterialSet,
     frames: f64,
     context: &BakeContext<'_>,
 ) -> Result<Development> {
     let keys = &recipe.keys;
+    let Growth::Grammar(grammar) = &recipe.growth else { return Ok(Development::None) };
     let Some(shares) = keys.growth_clip.filter(|_| frames > 0.0 && keys.clip_steps != ClipSteps::Unveil) else {
         return Ok(Development::None);
     };

@@ -621,11 +621,12 @@ impl StepNow {
     /// The place of an element in the string that is drawn, and the index of its module there. That of an element that the step removes
     /// is its place before the step.
     fn found(&self, clip: &DevelopmentClip, element: Element) -> (usize, Place) {
-        // What the step removes is drawn, too.
-        if to_usize(element.level) + 1 == self.level {
-            let index = self.growing.of_before.get(to_usize(element.module)).copied().unwrap_or(NONE);
+        // What the step removes is drawn, too; what went before it lies at its beginning.
+        if to_usize(element.level) < self.level {
+            let place = clip.place(element, self.level - 1);
+            let (Place::Live { module, .. } | Place::Point { module, .. }) = place;
+            let index = self.growing.of_before.get(to_usize(module)).copied().unwrap_or(NONE);
             if index != NONE {
-                let place = Place::Live { module: element.module, item: element.item, shares: [0.0, 1.0] };
                 return (to_usize(index), place);
             }
         }
