@@ -370,10 +370,12 @@ impl Resolver<'_> {
         // A season that the plant cannot have has been reported, and so has all that a mesh does not read.
         let has_told =
             matches!(plant.growth, Growth::Mesh(..)) || plant.keys.season.is_none() && table.get("season").is_some();
+        let develops = matches!(plant.growth, Growth::Grammar(_)) && plant.keys.growth_clip.is_some();
         let sources = [
             needs(of_grammars, false, "a grammar: grammar = \"FILE.l\""),
             needs(of_trees, false, "a coefficient table: ifs = \"FILE.ifs\""),
             needs(&["latitude"], is_dated(plant) || has_told, DATED),
+            needs(&["clip_steps"], develops, "a grammar that grows over the clip: growth_clip = [0, 1]"),
             needs(&["turtle"], reads_turtle, "a grammar: grammar = \"FILE.l\""),
         ];
         self.report_unmet(Some(table), path, &sources);

@@ -25,6 +25,7 @@ mod gltf_codes;
 mod gltf_engine;
 mod golden;
 mod grammar;
+mod grammar_clips;
 mod grown_trees;
 mod import_files;
 mod kept_leaves;

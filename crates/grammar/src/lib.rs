@@ -52,7 +52,7 @@ use std::sync::Arc;
 pub use binding::{Dialect, DialectSettings, TurtleAction, TurtleAxis};
 pub use derive::{
     AskTurtle, DeriveOptions, DerivedString, Interpretation, LastStep, Origin, Prediction, QueryAnswer, QueryValue,
-    TurtleAnswers, derive, derive_deferred, derive_part, derive_text, derive_with_queries, interpret,
+    TurtleAnswers, derive, derive_deferred, derive_part, derive_steps, derive_text, derive_with_queries, interpret,
     interpret_modules, predict,
 };
 pub use dialect::{ConvertTo, Converted, FileKind, ReadAs, convert, detect, entries};

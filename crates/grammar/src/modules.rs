@@ -221,13 +221,13 @@ impl ModuleString {
 
     /// Appends a copy of a module, with its lineage and birth.
     #[inline]
-    pub(crate) fn push(&mut self, m: Module<'_>) {
+    pub fn push(&mut self, m: Module<'_>) {
         self.params.extend_from_slice(m.params);
         self.finish_module(m.symbol, m.lineage(), m.birth);
     }
 
     /// Appends modules `range` of `other`, which must store ancestries if this string does.
-    pub(crate) fn extend(&mut self, other: &Self, range: std::ops::Range<usize>) {
+    pub fn extend(&mut self, other: &Self, range: std::ops::Range<usize>) {
         if range.is_empty() {
             return;
         }

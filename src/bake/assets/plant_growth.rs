@@ -17,10 +17,10 @@ use crate::bake::assets::species_growth::{death_warning, species_clip, species_p
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
-use crate::recipe::scene::{GrammarRandom, LineStyle, TropismKeys};
+use crate::recipe::scene::{ClipSteps, GrammarRandom, LineStyle, TropismKeys};
 use crate::recipe::{Growth, OrganRecipe, PlantRecipe, SurfaceForm};
 use osier_base::convert::saturating_byte;
-use osier_base::diagnostic::Report;
+use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::units::radians;
@@ -28,11 +28,13 @@ use osier_base::{Error, Result};
 use osier_grammar::companion::{ContourFile, LineStyle as ViewLine, View, ViewTropism};
 use osier_grammar::{DeriveOptions, DerivedString, Grammar};
 use osier_plants::crown::crown_attributes;
+use osier_plants::grow::clip::PosedGrowth;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
-use osier_plants::grow::turtle::{self, Contour, Drawing, OrganSpec, RadiusModel, Tropism, TurtleOptions};
-use osier_plants::grow::years::GrowthClip;
+use osier_plants::grow::turtle::{
+    self, Contour, DevelopmentClip, DevelopmentOptions, Drawing, OrganSpec, RadiusModel, Tropism, TurtleOptions,
+};
 use osier_scene::plant::Plant;
 
 /// An individual after growth, before meshes and materials are made of it.
@@ -46,8 +48,8 @@ pub struct GrownPlant {
     pub modules: u64,
     /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
     pub imported: Option<Arc<MeshPlant>>,
-    /// The tree at the ages that a clip of its growth shows; `None` without such a clip.
-    pub clip: Option<Arc<GrowthClip>>,
+    /// The plant at the years or derivation steps that a clip of its growth shows; `None` without such a clip.
+    pub clip: Option<Arc<dyn PosedGrowth>>,
     /// The organ that replaces each segment where the plant is shown by its segments; `None`: prisms.
     pub segment: Option<OrganSpec>,
     /// How its leaves change over the clip; `None` for leaves that stay.
@@ -104,7 +106,7 @@ impl GrownPlant {
     /// The plant for formats without frames: with the leaves of the first frame, or a growing plant at the end of the last year
     /// that the clip shows; `None` if the plant does not change over the clip.
     /// # Errors
-    /// As [`GrowthClip::plant_at_end`].
+    /// As [`PosedGrowth::plant_at_end`].
     pub(crate) fn at_one_time(&self, recipe: &PlantRecipe, limits: &Limits) -> Result<Option<Self>> {
         let mut plant = match (&self.season, &self.clip) {
             (Some(season), _) => season.first.clone(),
@@ -160,7 +162,11 @@ fn grow_individual(
             // Species are grown before all other plants, since trees that stand together shade each other.
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
             let (plant, clip, warnings) = match species_clip(tree, recipe, set, site.frames, context.limits)? {
-                Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), death_warning(&tree.tree, recipe)),
+                Some(clip) => {
+                    let plant = clip.plant.clone();
+                    let clip: Arc<dyn PosedGrowth> = Arc::new(clip);
+                    (plant, Some(clip), death_warning(&tree.tree, recipe))
+                }
                 None => {
                     let (plant, warnings) = species_plant(&tree.tree, recipe, set, context.limits)?;
                     (plant, None, warnings)
@@ -177,17 +183,80 @@ fn grow_individual(
             return Ok(GrownPlant { imported, ..GrownPlant::new(plant, Report::default()) });
         }
     };
+    let mut report = Report { sources: grammar.sources().clone(), ..Report::default() };
+    // A clip shows the plant through its derivation, if the grammar allows that.
+    match develop(recipe, individual, set, site.frames, context)? {
+        Development::Clip(mut clip) => {
+            report.output = std::mem::take(&mut clip.output);
+            std::mem::take(&mut clip.warnings).into_iter().for_each(|d| report.push(d));
+            let (plant, modules) = (clip.plant.clone(), clip.modules);
+            return Ok(GrownPlant { modules, clip: Some(Arc::new(*clip)), ..GrownPlant::new(plant, report) });
+        }
+        Development::None => {}
+        Development::Refused(warning) => report.push(warning),
+    }
     // Derivation of the grammar's string, then its interpretation by the turtle.
     let derived = derive_string(recipe, grammar, individual, set, context)?;
     // Neither derivation nor interpretation checks for cancellation within.
     context.cancel.check()?;
-    let mut report = Report { sources: grammar.sources().clone(), output: derived.output.clone(), ..Report::default() };
+    report.output.clone_from(&derived.output);
     let Drawing { plant, warnings, output } =
         turtle::draw(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     report.output.push_str(&output);
     let modules = derived.module_count();
     derived.warnings.into_iter().chain(warnings).for_each(|d| report.push(d));
     Ok(GrownPlant { modules, ..GrownPlant::new(plant, report) })
+}
+
+/// The development of a grammar's plant over a clip.
+enum Development {
+    /// The plant at the steps that the clip shows.
+    Clip(Box<DevelopmentClip>),
+    /// The scene has no such clip, or shows the grown plant.
+    None,
+    /// The plant cannot be shown so, with the warning that says why.
+    Refused(Diagnostic),
+}
+
+/// Prepares the development of one individual over the clip. `frames`: number of intervals between the frames, 0 for a still picture.
+/// # Errors
+/// `Input` with the faults of derivation and drawing.
+fn develop(
+    recipe: &PlantRecipe,
+    individual: &Individual,
+    set: &MaterialSet,
+    frames: f64,
+    context: &BakeContext<'_>,
+) -> Result<Development> {
+    let keys = &recipe.keys;
+    let Growth::Grammar(grammar) = &recipe.growth else { return Ok(Development::None) };
+    let Some(shares) = keys.growth_clip.filter(|_| frames > 0.0 && keys.clip_steps != ClipSteps::Unveil) else {
+        return Ok(Development::None);
+    };
+    let refused = |why: &str| {
+        let text = format!("plant \"{}\" appears from its base on: its steps cannot be shown in parts", recipe.name);
+        Development::Refused(Diagnostic::about("S007", text).help(format!("because {why}")))
+    };
+    // Both change the plant after it has been drawn.
+    if recipe.fill.is_some() || keys.season.is_some() {
+        return Ok(refused(if recipe.fill.is_some() {
+            "`twigs` are added to the grown plant"
+        } else {
+            "it has a season"
+        }));
+    }
+    let derivation = derivation_options(recipe, individual);
+    let turtle = TurtleOptions { step_part: None, ..turtle_options(recipe, set)? };
+    let steps = keys.steps.unwrap_or(f64::INFINITY);
+    let clip = DevelopmentOptions { steps, shares, whole_steps: keys.clip_steps == ClipSteps::Whole };
+    match DevelopmentClip::new(grammar, &derivation, turtle, clip, context.limits) {
+        Ok(clip) => Ok(Development::Clip(Box::new(clip))),
+        // Only the development is refused; the plant itself may be drawn.
+        Err(Error::Input(report)) if report.diagnostics.iter().any(|d| d.code == "L063") => {
+            Ok(refused(report.diagnostics.first().map_or("", |d| d.message.as_str())))
+        }
+        Err(error) => Err(error),
+    }
 }
 
 /// Derives the string of one individual. `set`: the organs of its plant, which queries about the turtle's position may need.

@@ -14,7 +14,7 @@ use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::scene::{BarkMotion, SkinForm};
-use crate::recipe::{PlantRecipe, Recipe};
+use crate::recipe::{Growth, PlantRecipe, Recipe};
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
 use osier_motion::sway::{JointRig, WindWeights};
@@ -156,7 +156,9 @@ pub(crate) fn bark_mesh(
         Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
         None => {
             let mut options = skin_options(&recipe.skin, materials.tiles, context);
-            if grown.clip.is_some() && recipe.skin.cones.is_none() {
+            // A species has thousands of twigs, which are seen from afar.
+            let is_tree = grown.clip.is_some() && matches!(recipe.growth, Growth::Species(_));
+            if is_tree && recipe.skin.cones.is_none() {
                 options.thin = GROWTH_CONES;
             }
             let bark = skin(&grown.plant, &options)?;

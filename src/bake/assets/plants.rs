@@ -264,7 +264,7 @@ fn build_plant(
     if let Some(clip) = &grown.clip {
         let BoundPlant { mut asset, bindings, .. } =
             build_bound_plant(grown, plant, materials, individual, None, context)?;
-        YearsMotion::prepare(&mut asset, materials, clip);
+        YearsMotion::prepare(&mut asset, materials, &**clip);
         let motion = YearsMotion::new(clip.clone(), materials, &bindings, is_shown_by_segments(grown, plant), seconds);
         return Ok(BuiltPlant::moved_by(motion, asset, Vec::new()));
     }

@@ -1,4 +1,5 @@
-//! A tree over the years of a clip: wood that grows, thickens, bends and falls, leaves that unfold and fall.
+//! A plant over the times of a clip, the years of a tree or the steps of a derivation: wood that lengthens, thickens, bends and goes,
+//! leaves that come and go.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,7 +12,8 @@ use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis};
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_motion::posed_skin::{GrowthBinding, PosedNodes, pose_skin};
-use osier_plants::grow::years::{GrowthClip, PoseNow};
+use osier_plants::grow::clip::{ClipTimes, PosedGrowth};
+use osier_plants::grow::years::PoseNow;
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, MeshFrame};
 
@@ -20,10 +22,10 @@ use osier_scene::{Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, M
 const LEAF_PARTS: usize = 8;
 const LEAST_LEAVES: usize = 500;
 
-/// Motion of a recorded tree through its ages in a clip.
+/// Motion of a recorded plant through its ages in a clip.
 #[derive(Debug)]
 pub struct YearsMotion {
-    clip: Arc<GrowthClip>,
+    clip: Arc<dyn PosedGrowth>,
     /// Axis and arc length of each point of the bark.
     bindings: Vec<GrowthBinding>,
     /// Indices into the plant's organs, for each of the asset's leaf instancers.
@@ -36,10 +38,10 @@ pub struct YearsMotion {
 
 impl YearsMotion {
     /// Gives an asset the motions that its growth needs, and divides its leaves by the time of their appearance.
-    pub fn prepare(asset: &mut Asset, materials: &PlantMaterials, clip: &GrowthClip) {
+    pub fn prepare(asset: &mut Asset, materials: &PlantMaterials, clip: &dyn PosedGrowth) {
         GrowthMotion::prepare(asset);
-        // An instancer of segments may follow the instancers of organs.
-        let organs = organs_by_instancer(&clip.plant, materials).len().min(asset.instancers.len());
+        // Behind the instancers of organs there may be one of segments.
+        let organs = organs_by_instancer(clip.plant(), materials).len().min(asset.instancers.len());
         let segments = asset.instancers.split_off(organs);
         let divided = |leaves: &Instancer| -> Vec<Instancer> {
             let part = |(k, range): (usize, Range<usize>)| {
@@ -59,7 +61,7 @@ impl YearsMotion {
     /// The motion of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it
     /// is displayed by its segments; `seconds`: length of the clip.
     pub fn new(
-        clip: Arc<GrowthClip>,
+        clip: Arc<dyn PosedGrowth>,
         materials: &PlantMaterials,
         bindings: &[(u32, f32)],
         by_segments: bool,
@@ -67,26 +69,26 @@ impl YearsMotion {
     ) -> Self {
         Self {
             bindings: bindings.iter().map(|(axis, s)| GrowthBinding { axis: *axis, s: *s }).collect(),
-            organs: organs_by_instancer(&clip.plant, materials)
+            organs: organs_by_instancer(clip.plant(), materials)
                 .iter()
                 .flat_map(|list| split_by_appearance(list))
                 .collect(),
-            segments: if by_segments { segment_middles(&clip.plant) } else { Vec::new() },
+            segments: if by_segments { segment_middles(clip.plant()) } else { Vec::new() },
             clip,
             seconds,
         }
     }
 
-    /// Age of the tree, years, at `seconds` after the first frame.
+    /// Age of the plant, years or steps, at `seconds` after the first frame.
     fn age(&self, seconds: f64) -> f32 {
-        let span = self.clip.span();
+        let ClipTimes { from, to } = self.clip.times();
         let t = if self.seconds > 0.0 { (seconds / self.seconds).clamp(0.0, 1.0) } else { 1.0 };
-        narrow(span.from + (span.to - span.from) * t)
+        narrow(from + (to - from) * t)
     }
 
     /// State of the segments' instancer in a pose: each segment moves with its two nodes and is scaled by the ratio of radii.
     fn segment_state(&self, pose: &PoseNow, rest: &InstanceState) -> InstanceState {
-        let plant = &self.clip.plant;
+        let plant = self.clip.plant();
         let mut state = InstanceState { sizes: Vec::with_capacity(self.segments.len()), ..rest.clone() };
         for (k, bound) in self.segments.iter().enumerate() {
             let axis = &plant.axes[bound.axis as usize];
@@ -124,11 +126,11 @@ fn split_by_appearance(leaves: &[usize]) -> Vec<Vec<usize>> {
 
 impl AssetMotion for YearsMotion {
     fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
-        let pose = self.clip.pose(self.age(time.seconds));
+        let pose = self.clip.pose(self.age(time.seconds))?;
         let nodes = PosedNodes { p: &pose.p, q: &pose.q, r: &pose.r };
         let mesh_frame = |object: &osier_scene::MeshObject| {
             let mesh = &object.mesh;
-            let skin = pose_skin(&self.clip.plant, nodes, &mesh.points, &mesh.normals, &self.bindings);
+            let skin = pose_skin(self.clip.plant(), nodes, &mesh.points, &mesh.normals, &self.bindings);
             MeshFrame::Points { points: skin.points, normals: skin.normals, velocities: Vec::new() }
         };
         let organ_state = |organs: &[usize]| {
@@ -179,9 +181,10 @@ struct PointsOnYears {
 impl CarriedPoints for PointsOnYears {
     fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>> {
         let YearsMotion { clip, .. } = &*self.motion;
-        let nodes = clip.node_positions(self.motion.age(time.seconds));
+        let nodes = clip.node_positions(self.motion.age(time.seconds))?;
         let at = |site: &GrowthBinding| {
-            let (i, t) = clip.plant.segment(&clip.plant.axes[site.axis as usize], site.s);
+            let plant = clip.plant();
+            let (i, t) = plant.segment(&plant.axes[site.axis as usize], site.s);
             nodes[i].lerp(nodes[i + 1], t)
         };
         Ok(self.sites.iter().map(at).collect())

@@ -68,6 +68,18 @@ choices! {
     }
 }
 
+choices! {
+    /// Growth of a grammar's plant over a clip.
+    ClipSteps {
+        /// The plant develops as its grammar has it, by steps and parts of steps, without jumps.
+        Smooth = "smooth",
+        /// The plant develops step by step; each step appears at once.
+        Whole = "whole",
+        /// The grown plant appears from its base on, part by part, at its final place and in its final direction.
+        Unveil = "unveil",
+    }
+}
+
 impl GrammarDialect {
     /// The notation of the grammar reader for files of this dialect.
     pub fn notation(self) -> Notation {
@@ -118,6 +130,9 @@ keys! {
         motion: BarkMotion = "motion" OneOf(BarkMotion::Skin), basic;
         /// Shares of its growth time, 0 to 1, at the first and the last frame: the plant grows over the clip and does not sway.
         growth_clip: Option<[f64; 2]> = "growth_clip" OptionalKey(NumberArray([0.0, 1.0], number(0.0, 0.0, 1.0, "")), "fully grown");
+        /// With `growth_clip`: how the plant of a grammar grows: through its derivation ("smooth", or "whole" steps), or as the grown plant
+        /// from its base on ("unveil").
+        clip_steps: ClipSteps = "clip_steps" OneOf(ClipSteps::Smooth);
         /// Time of the growing year: 0 bud burst, 0.5 summer, 0.8 autumn colours, 1 bare; or a date "MM-DD". Two of them change the leaves
         /// over the clip, and the plant does not sway.
         season: Option<SeasonSpan> = "season" OptionalKey(SeasonType, "that of the scene");

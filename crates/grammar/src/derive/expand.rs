@@ -441,6 +441,20 @@ pub fn interpret_modules(
     Ok(interpretation(grammar, expander))
 }
 
+impl Grammar {
+    /// Whether modules become others when they are drawn, by productions of the homomorphism.
+    pub fn has_homomorphism(&self) -> bool {
+        !SectionPlans::new(&self.program, Section::Homomorphism, false).is_empty()
+    }
+
+    /// Whether what a module is drawn as depends on the modules around it: the homomorphism has contexts or productions of several
+    /// modules, or the string has sub-L-systems.
+    pub fn draws_by_context(&self) -> bool {
+        let plans = SectionPlans::new(&self.program, Section::Homomorphism, false);
+        plans.needs_partners() || plans.longest_predecessor() > 1 || !self.program.subsystems.is_empty()
+    }
+}
+
 /// Collects the warnings and the output of the machine that ran the homomorphism.
 fn interpretation(grammar: &Grammar, expander: Expander<'_>) -> Interpretation {
     let vm = expander.rewriter.vm;

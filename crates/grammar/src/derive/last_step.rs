@@ -1,6 +1,9 @@
 //! Finds, for each module of the final string, the module of the previous string from which it came.
 
-use super::{DeriveOptions, DerivedString, derive};
+use std::sync::Arc;
+
+use super::plan::Plans;
+use super::{Derivation, DeriveOptions, DerivedString, RecordedStep, StepRecord, derive, predict};
 use crate::grammar::{Grammar, runtime_error};
 use crate::modules::{LineageIds, Module, ModuleString};
 use crate::symbols::SymbolId;
@@ -16,11 +19,18 @@ const MAX_UNKNOWN: usize = 16;
 #[derive(Debug, Clone)]
 pub struct LastStep {
     /// The string before the step.
-    pub before: ModuleString,
+    pub before: Arc<DerivedString>,
     /// Origin of each module of the string after the step.
-    pub origins: Vec<Origin>,
-    /// The fraction of the step that is drawn, above 0 and below 1.
+    pub origins: Arc<Vec<Origin>>,
+    /// The fraction of the step that is drawn, 0 to 1.
     pub part: f64,
+}
+
+impl LastStep {
+    /// Whether the search for origins ended before the end of the string: what follows would be drawn as if it were new.
+    pub fn is_incomplete(&self) -> bool {
+        self.origins.iter().filter(|origin| **origin == Origin::Unknown).count() > MAX_UNKNOWN
+    }
 }
 
 /// Where a module of the string after a step comes from.
@@ -37,23 +47,58 @@ pub enum Origin {
 /// Derives a grammar to a step of which only the fraction `part` is drawn: the string has all steps of `options`, and
 /// [`DerivedString::last_step`] describes the last one.
 /// # Errors
-/// Errors of [`derive()`]; `Input` with L063 for grammars with queries, and for random numbers drawn as in cpfg.
+/// Errors of [`derive_steps`].
 pub fn derive_part(grammar: &Grammar, options: &DeriveOptions, part: f64, limits: &Limits) -> Result<DerivedString> {
+    let length = options.steps.unwrap_or(grammar.program.length);
+    let mut strings = derive_steps(grammar, options, length.saturating_sub(1), limits)?;
+    let Some(derived) = strings.pop() else { return derive(grammar, options, limits) };
+    // If the derivation ended before its last step, there is no part to draw.
+    let Some(before) = strings.pop().filter(|_| derived.steps == length) else { return Ok(derived) };
+    Ok(DerivedString::between(grammar, &Arc::new(before), derived, part))
+}
+
+/// The strings of a derivation after the step `from` and after each later one, up to its end; the last of them only if it ends before
+/// `from`. Step 0 is the axiom. Each string has the length of the whole derivation as `Z`.
+/// # Errors
+/// Errors of [`derive()`], among them L051 if all strings together need more memory than one may have; `Input` with L063 for grammars
+/// with queries, and for random numbers drawn as in cpfg.
+pub fn derive_steps(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    from: u32,
+    limits: &Limits,
+) -> Result<Vec<DerivedString>> {
     if grammar.has_queries() || options.draw_as_cpfg {
         let what = if options.draw_as_cpfg { "random numbers are drawn as in cpfg" } else { "the turtle is queried" };
         let message = format!("a part of a step cannot be drawn where {what}");
         return Err(runtime_error(grammar, "L063", message, grammar.length_place(), "use a whole number of steps"));
     }
-    let mut derived = derive(grammar, options, limits)?;
-    let Some(previous) = derived.steps.checked_sub(1) else { return Ok(derived) };
-    // If the derivation ended before its last step, there is no part to draw.
-    if options.steps.is_none_or(|steps| steps != derived.steps) {
-        return Ok(derived);
+    let program = &grammar.program;
+    let length = options.steps.unwrap_or(program.length);
+    predict::check_limits(grammar, length, options, limits)?;
+    let plans = Plans::new(program, options.stochastic.unwrap_or(program.is_stochastic()), false);
+    let mut derivation = Derivation::new(grammar, &plans, options, length, limits);
+    derivation.record = Some(StepRecord { from, strings: Vec::new(), bytes: 0 });
+    if let Err(halt) = derivation.run(None) {
+        return Err(derivation.halt_report(halt));
     }
-    let before = derive(grammar, &DeriveOptions { steps: Some(previous), ..options.clone() }, limits)?.modules;
-    let origins = origins(grammar, &before, &derived.modules);
-    derived.last_step = Some(std::sync::Arc::new(LastStep { before, origins, part }));
-    Ok(derived)
+    let recorded = derivation.record.take().map(|record| record.strings).unwrap_or_default();
+    // The last string is that of the whole derivation, whose variables the block `End` may have changed.
+    let last = derivation.finish(options);
+    let earlier = recorded.into_iter().filter(|kept| kept.step < last.steps);
+    let string = |kept: RecordedStep| DerivedString {
+        count: kept.modules.len() as u64,
+        modules: kept.modules,
+        globals: kept.globals,
+        steps: kept.step,
+        completed: kept.step,
+        output: String::new(),
+        warnings: Vec::new(),
+        ..last.clone()
+    };
+    let mut strings: Vec<DerivedString> = earlier.map(string).collect();
+    strings.push(last);
+    Ok(strings)
 }
 
 /// The origin of each module of `after`. Both strings are in the order of derivation, so that the search moves only forward in both.
@@ -113,6 +158,24 @@ impl DerivedString {
         self.last_step.as_deref()
     }
 
+    /// The string `after` one step, of which the fraction `part` is drawn; `before`: the string before that step.
+    pub fn between(grammar: &Grammar, before: &Arc<Self>, after: Self, part: f64) -> Self {
+        let origins = Arc::new(origins(grammar, &before.modules, &after.modules));
+        after.with_last_step(LastStep { before: Arc::clone(before), origins, part })
+    }
+
+    /// The string with the description of its last step, of which a part is drawn.
+    pub fn with_last_step(mut self, step: LastStep) -> Self {
+        self.last_step = Some(Arc::new(step));
+        self
+    }
+
+    /// The string with other modules and without a last step.
+    pub fn with_modules(&self, modules: ModuleString) -> Self {
+        let count = modules.len() as u64;
+        Self { modules, count, last_step: None, ..self.clone() }
+    }
+
     /// Interpolates the parameters of module `i`, which must exist: sets each to `(1 - part) * old + part * value`.
     pub fn interpolate_parameters(&mut self, i: usize, old: &[f32], part: f64) {
         let params = self.modules.get(i).params;
@@ -135,7 +198,7 @@ mod tests {
         let name = |m: Module<'_>| grammar.symbols().get(m.symbol);
         let origin = |(m, origin): (Module<'_>, &Origin)| match origin {
             Origin::Kept(i) => format!("{}={i}", name(m)),
-            Origin::Made(i) => format!("{}<{}{i}", name(m), name(step.before.get(*i as usize))),
+            Origin::Made(i) => format!("{}<{}{i}", name(m), name(step.before.modules.get(*i as usize))),
             Origin::Unknown => format!("{}?", name(m)),
         };
         derived.modules.iter().zip(&step.origins).map(origin).collect()

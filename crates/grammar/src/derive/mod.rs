@@ -17,7 +17,7 @@ mod text;
 mod weighted_text;
 
 pub use expand::{Interpretation, interpret, interpret_modules};
-pub use last_step::{LastStep, Origin, derive_part};
+pub use last_step::{LastStep, Origin, derive_part, derive_steps};
 pub use predict::{Prediction, predict};
 pub use queries::{AskTurtle, QueryAnswer, QueryValue, TurtleAnswers, derive_with_queries};
 
@@ -189,11 +189,29 @@ pub(super) struct Derivation<'g> {
     has_queries: bool,
     /// Error of the interpretation for a query; returned in place of [`Halt::Query`].
     query_error: Option<osier_base::Error>,
+    /// The strings after the steps so far; `None` if only the final string is kept.
+    record: Option<StepRecord>,
     options: DeriveOptions,
     /// True if the string of the last step need not be stored.
     defers_step: bool,
     /// The last step, if its string is not stored.
     deferred_step: Option<DeferredStep>,
+}
+
+/// Strings of a derivation after its single steps.
+struct StepRecord {
+    /// The first step whose string is kept; 0 is the axiom.
+    from: u32,
+    strings: Vec<RecordedStep>,
+    /// Memory of the strings, bytes.
+    bytes: usize,
+}
+
+/// The string after one step, with the values that the global variables have then.
+struct RecordedStep {
+    step: u32,
+    modules: ModuleString,
+    globals: Vec<f64>,
 }
 
 impl<'g> Derivation<'g> {
@@ -235,6 +253,7 @@ impl<'g> Derivation<'g> {
             work: 0,
             has_queries: program.has_queries(),
             query_error: None,
+            record: None,
             options: options.clone(),
             defers_step: false,
             deferred_step: None,
@@ -263,6 +282,7 @@ impl<'g> Derivation<'g> {
     fn run(&mut self, mut turtle: Option<&mut AskTurtle<'_>>) -> std::result::Result<(), Halt> {
         self.begin()?;
         self.ask(turtle.as_deref_mut())?;
+        self.record_step(0)?;
         let blocks = &self.program.blocks;
         for step in 1..=self.length {
             // `Q` counts completed steps: the StartEach block reads the number of the step before.
@@ -286,6 +306,7 @@ impl<'g> Derivation<'g> {
             self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
+            self.record_step(step)?;
             // First of the steps without change since the last change, for the warning L054. Steps that cut branches count as a change.
             self.unchanged_since = match (changed, has_cut) {
                 (true, _) => None,
@@ -298,6 +319,18 @@ impl<'g> Derivation<'g> {
             }
         }
         self.run_block(blocks.end.as_ref(), self.steps_done)
+    }
+
+    /// Keeps the present string, if the derivation records its steps. All kept strings together have the limit of one string.
+    fn record_step(&mut self, step: u32) -> std::result::Result<(), Halt> {
+        let Some(record) = self.record.as_mut().filter(|record| step >= record.from) else { return Ok(()) };
+        record.bytes = record.bytes.saturating_add(self.string.bytes());
+        if record.bytes as u64 > self.limits.get("string-bytes") {
+            return Err(Halt::Bytes);
+        }
+        let (modules, globals) = (self.string.clone(), self.vm.globals.clone());
+        record.strings.push(RecordedStep { step, modules, globals });
+        Ok(())
     }
 
     /// True if, after a step that changes nothing, no later step can change anything: there are no queries, no `StartEach`

@@ -2,8 +2,9 @@
 //!
 //! [`turtle`] interprets the strings of an L-system, [`ifs`] builds trees from the words of an iterated function system,
 //! [`particle_shapes`] lets particles wander and spawn others, [`mesh`] extracts the skeleton of an artist's mesh, and [`radii`]
-//! sets radii by the pipe model or a taper.
+//! sets radii by the pipe model or a taper. [`clip`] is what all growth over a clip has in common.
 
+pub mod clip;
 pub mod ifs;
 pub mod mesh;
 pub mod particle_shapes;

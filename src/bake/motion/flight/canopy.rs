@@ -171,8 +171,9 @@ fn twig_ends(grown: &GrownPlant) -> Vec<PointOnAxis> {
     let plant = &grown.plant;
     // Radii at the greatest age that the clip shows, at which fallen wood has radius 0.
     let radii = grown.clip.as_ref().map(|clip| {
-        let span = clip.span();
-        clip.pose(narrow(span.from.max(span.to))).r
+        let times = clip.times();
+        // A pose that cannot be drawn hides nothing; the frames of the clip report why.
+        clip.pose(narrow(times.from.max(times.to))).map(|pose| pose.r).unwrap_or_default()
     });
     let stands = |node: &usize| radii.as_ref().and_then(|radii| radii.get(*node)).is_none_or(|radius| *radius > 0.0);
     let stems = (0..).zip(&plant.axes).filter(|(_, axis)| axis.kind == AxisKind::Stem && axis.order > 0);

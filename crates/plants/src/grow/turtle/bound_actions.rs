@@ -32,16 +32,16 @@ impl Turtle<'_> {
             self.close_segment();
         }
         match action {
-            TurtleAction::Forward => self.step(number, m, true, true),
-            TurtleAction::Move => self.step(number, m, false, true),
+            TurtleAction::Forward => self.step(number * self.growth.length, m, true, true),
+            TurtleAction::Move => self.step(number * self.growth.length, m, false, true),
             TurtleAction::RotateWorld(axis) => {
-                let (c, s) = self.angles.cos_sin(number);
+                let (c, s) = self.angles.cos_sin(number * self.growth.turn);
                 let axis = WORLD_AXES.get(*axis).copied().unwrap_or(glam::DVec3::Y);
                 self.s.frame = self.s.frame.rotated(axis, c, s);
                 self.count_turn();
             }
             TurtleAction::RotateTurtle(axis) => {
-                let (c, s) = self.angles.cos_sin(number);
+                let (c, s) = self.angles.cos_sin(number * self.growth.turn);
                 let turn = match axis {
                     TurtleAxis::Heading => TurtleFrame::roll,
                     TurtleAxis::Left => TurtleFrame::pitch,
@@ -58,7 +58,7 @@ impl Turtle<'_> {
             TurtleAction::Fill => self.fill_polygon(m),
             TurtleAction::Organ(name) => {
                 let letter = if name == "stalk" { STALK } else { name.chars().next().unwrap_or(STALK) };
-                self.organ(letter, number, m);
+                self.organ(letter, number * self.growth.size, m);
             }
             TurtleAction::Sphere => self.place_disc_or_sphere('O', number, m),
             // `As` was resolved to the command of the other symbol when the turtle was set up.

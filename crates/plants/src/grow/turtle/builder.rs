@@ -25,6 +25,8 @@ pub(super) struct DrawnNode {
     pub left: DVec3,
     pub birth: u32,
     pub color: u16,
+    /// Number of the traced step that ends here (that begins here, for the first node); [`NONE`] without a trace.
+    pub step: u32,
 }
 
 /// The last node of an axis. The next segment, or the width at its end, may still change it.
@@ -85,6 +87,8 @@ pub(super) struct NodeSite {
 struct StoredNodes {
     list: Vec<StoredNode>,
     frames: FrameBatch,
+    /// For each node of `list` the number of its traced step; `None` without a trace.
+    steps: Option<Vec<u32>>,
 }
 
 impl StoredNodes {
@@ -99,6 +103,9 @@ impl StoredNodes {
             (None, None) => 0.0,
         };
         let i = index32(self.list.len());
+        if let Some(steps) = &mut self.steps {
+            steps.push(n.drawn.step);
+        }
         self.list.push(StoredNode {
             p: n.stored_p,
             q: Quat::IDENTITY,
@@ -165,6 +172,16 @@ pub(super) struct RawOrgan {
     pub birth: u32,
 }
 
+/// What the nodes and organs of a finished plant were drawn as.
+#[derive(Debug, Default)]
+pub(super) struct PlantSources {
+    /// For each node of the plant the number of the traced step that ends there; that of the step that begins there for the first node
+    /// of an axis.
+    pub steps: Vec<u32>,
+    /// For each organ of the plant its number in the order of drawing.
+    pub organs: Vec<u32>,
+}
+
 /// Axes, nodes, organs and prototypes in the order of drawing.
 #[derive(Debug, Default)]
 pub(super) struct PlantBuilder {
@@ -199,6 +216,11 @@ impl PlantBuilder {
         } else {
             Self::default()
         }
+    }
+
+    /// Makes [`finish`](Self::finish) return the sources of nodes and organs.
+    pub fn keep_sources(&mut self) {
+        self.stored.steps = Some(Vec::new());
     }
 
     pub fn node_count(&self) -> u64 {
@@ -304,8 +326,8 @@ impl PlantBuilder {
     }
 
     /// Builds the plant: axes depth first, organs by axis and arc length. `steps`: derivation steps, which become growth time
-    /// 0..1.
-    pub fn finish(mut self, plant_id: u32, seed: u64, steps: u32, options: &TurtleOptions) -> Plant {
+    /// 0..1. The sources of nodes and organs are empty unless [`keep_sources`](Self::keep_sources) was called.
+    pub fn finish(mut self, plant_id: u32, seed: u64, steps: u32, options: &TurtleOptions) -> (Plant, PlantSources) {
         // A string that draws organs but no segment still needs an axis to carry them.
         self.add_stub_axis();
         for axis in 0..index32(self.axes.len()) {
@@ -324,6 +346,7 @@ impl PlantBuilder {
             ..Plant::default()
         };
         let mut growth = GrowthClock::new(steps);
+        let mut sources = PlantSources::default();
         // Index in the plant of each axis as drawn.
         let mut plant_axis = vec![NONE; self.axes.len()];
         let mut roots = 0_u64;
@@ -333,12 +356,25 @@ impl PlantBuilder {
             plant_axis[raw] = index32(plant.axes.len());
             let first = filled;
             filled = self.fill_nodes(&mut plant.nodes, first, &self.axes[raw], &mut growth);
+            if let Some(steps) = &self.stored.steps {
+                sources.steps.extend(self.steps_of(&self.axes[raw], steps));
+            }
             add_axis(&mut plant, &self.axes[raw], first..filled, &plant_axis, &mut roots);
         }
         // Organs last: their frames come from the nodes that are now in place.
-        self.add_organs(&mut plant, &plant_axis, growth);
+        let drawn = self.add_organs(&mut plant, &plant_axis, growth);
+        if self.stored.steps.is_some() {
+            sources.organs = drawn;
+        }
         plant.protos = self.protos;
-        plant
+        (plant, sources)
+    }
+
+    /// The numbers in `steps` of the nodes of an axis, from its base on.
+    fn steps_of<'a>(&'a self, axis: &RawAxis, steps: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+        let next = |i: &u32| self.stored.list.get(*i as usize).map(|node| node.next);
+        let nodes = std::iter::successors(Some(axis.first), next).filter(|i| *i != NONE);
+        nodes.map(|i| steps.get(i as usize).copied().unwrap_or(NONE))
     }
 
     /// Adds a short axis if the string places organs but draws no segment, since organs need an axis.
@@ -348,7 +384,7 @@ impl PlantBuilder {
         let Some(first) = self.organs.first().copied().filter(|_| !has_axis) else { return };
         let h = first.pose.q * DVec3::Y;
         let left = first.pose.q * DVec3::NEG_X;
-        let node = DrawnNode { p: first.pose.p, left, birth: first.birth, color: 0 };
+        let node = DrawnNode { p: first.pose.p, left, birth: first.birth, color: 0, step: NONE };
         let axis = self.begin_axis(None, first.lineage, node);
         self.extend(axis, DrawnNode { p: first.pose.p + h * STUB, ..node }, STUB);
     }
@@ -426,8 +462,8 @@ impl PlantBuilder {
     }
 
     /// Appends the organs in their canonical order, relative to the frame of their axis and with the prototype that their id
-    /// picks.
-    fn add_organs(&self, plant: &mut Plant, plant_axis: &[u32], mut growth: GrowthClock) {
+    /// picks. Returns the numbers of the organs in the order of drawing.
+    fn add_organs(&self, plant: &mut Plant, plant_axis: &[u32], mut growth: GrowthClock) -> Vec<u32> {
         let mut placed: Vec<(u32, f32, usize)> = Vec::with_capacity(self.organs.len());
         for (i, o) in self.organs.iter().enumerate() {
             // An axis of one node is not in the plant: its organs belong to the node that carries it.
@@ -449,6 +485,7 @@ impl PlantBuilder {
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(ordinal(a.2).cmp(&ordinal(b.2))).then(a.2.cmp(&b.2))
         });
         plant.organs.reserve(placed.len());
+        let mut drawn = Vec::with_capacity(placed.len());
         for (axis, s, i) in placed {
             let o = &self.organs[i];
             let on = &plant.axes[axis as usize];
@@ -469,7 +506,9 @@ impl PlantBuilder {
                 birth: growth.time(o.birth),
             };
             plant.organs.push(organ);
+            drawn.push(index32(i));
         }
+        drawn
     }
 }
 
@@ -543,17 +582,17 @@ impl GrowthClock {
 
 /// Data from which the frame of a node is computed.
 #[derive(Debug, Clone, Copy)]
-struct FrameSource {
+pub(super) struct FrameSource {
     /// Directions of the segments that end and begin at the node.
-    incoming: Option<DVec3>,
-    outgoing: Option<DVec3>,
+    pub incoming: Option<DVec3>,
+    pub outgoing: Option<DVec3>,
     /// Left vector of the turtle.
-    left: DVec3,
+    pub left: DVec3,
 }
 
 impl FrameSource {
     /// The frame: Y along the tangent, X as near to the turtle's right as that allows.
-    fn frame(self) -> Quat {
+    pub fn frame(self) -> Quat {
         // Tangent at a node: the bisector of its two segments; at the ends the direction of the only one.
         let tangent = match (self.incoming, self.outgoing) {
             (Some(c), Some(g)) => (c + g).try_normalize().unwrap_or(c),

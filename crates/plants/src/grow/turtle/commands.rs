@@ -1,6 +1,7 @@
 //! Commands of the turtle by symbol, as in cpfg and "The Algorithmic Beauty of Plants".
 
 use super::dialect_commands::DialectCommand;
+use super::step_part::SymbolRole;
 
 /// What the turtle does for one symbol; parameters are read when it is performed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,9 +87,15 @@ impl Command {
         }
     }
 
-    /// Whether the command draws a segment or moves.
-    pub fn is_step(self) -> bool {
-        matches!(self, Self::Draw | Self::DrawOnly | Self::Move | Self::MoveOnly)
+    /// What the command does for the growth within a step.
+    pub fn role(self) -> SymbolRole {
+        match self {
+            Self::Draw | Self::DrawOnly | Self::Move | Self::MoveOnly => SymbolRole::Step,
+            Self::Yaw(_) | Self::Pitch(_) | Self::Roll(_) | Self::TurnAround => SymbolRole::Turn,
+            Self::Organ => SymbolRole::Organ,
+            Self::Nothing => SymbolRole::Nothing,
+            _ => SymbolRole::Other,
+        }
     }
 
     /// Whether the command ends the current segment, which then takes its end width from the current width.

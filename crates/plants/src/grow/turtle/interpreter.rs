@@ -11,17 +11,16 @@ use super::guides::GuideCurve;
 use super::options::TurtleOptions;
 use super::patches::TurtlePatches;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
-use super::step_part::{ModuleGrowth, StepGrowth};
+use super::step_part::{ModuleGrowth, SymbolRole};
+use super::trace::DrawingTrace;
 use super::tropism;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{
-    BindingEvaluator, Dialect, Grammar, Module, ModuleString, QueryAnswer, QueryValue, TurtleAction, TurtleAnswers,
-};
-use osier_scene::plant::PAINTED;
+use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, QueryAnswer, QueryValue, TurtleAction, TurtleAnswers};
+use osier_scene::plant::{NONE, PAINTED};
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
 const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
@@ -210,8 +209,8 @@ pub(super) struct Turtle<'a> {
     commands: Vec<Command>,
     /// How far the module that is drawn has grown.
     pub(super) growth: ModuleGrowth,
-    /// Index in the final string: the removed steps that belong before a module below this index have been drawn.
-    removed_before: usize,
+    /// What each module does, if that is recorded.
+    pub(super) trace: Option<Box<DrawingTrace>>,
     pub(super) symbols: Vec<char>,
     pub(super) s: TurtleState,
     stack: Vec<TurtleState>,
@@ -310,7 +309,7 @@ impl<'a> Turtle<'a> {
             pending: PendingNumber::default(),
             commands: (0_u16..).zip(&symbols).map(|(i, c)| command(i, *c)).collect(),
             growth: ModuleGrowth::WHOLE,
-            removed_before: 0,
+            trace: None,
             bindings,
             symbols,
             s,
@@ -390,27 +389,28 @@ impl<'a> Turtle<'a> {
         if self.halted { Err(self.grammar.report(list)) } else { Ok(list) }
     }
 
-    /// By symbol, whether it draws a segment or moves.
-    pub fn step_symbols(&self) -> Vec<bool> {
-        self.commands.iter().map(|command| command.is_step()).collect()
+    /// By symbol, what it does for the growth within a step.
+    pub fn symbol_roles(&self) -> Vec<SymbolRole> {
+        let bound = |i: u16| match self.bindings.action(i) {
+            Some(TurtleAction::Forward | TurtleAction::Move) => SymbolRole::Step,
+            Some(TurtleAction::RotateWorld(_) | TurtleAction::RotateTurtle(_)) => SymbolRole::Turn,
+            _ => SymbolRole::Other,
+        };
+        let role = |(i, command): (u16, &Command)| match command {
+            Command::Bound => bound(i),
+            command => command.role(),
+        };
+        (0_u16..).zip(&self.commands).map(role).collect()
     }
 
-    /// Interprets one module of a string whose last derivation step is drawn in part. `index`: index in the string of
-    /// the module that `m` draws; `before`: the string before the last step.
-    pub fn growing_module(&mut self, m: Module<'_>, index: usize, growth: &StepGrowth, before: &ModuleString) {
-        self.removed_steps(index, growth, before);
-        self.growth = growth.modules.get(index).copied().unwrap_or(ModuleGrowth::WHOLE);
-        self.module(m);
-    }
-
-    /// Draws the segments and moves that the last derivation step removes, up to the module of this index: they shrink in place.
-    pub fn removed_steps(&mut self, index: usize, growth: &StepGrowth, before: &ModuleString) {
-        let first = std::mem::replace(&mut self.removed_before, index + 1);
-        let from = growth.removed.partition_point(|removed| removed.at < first);
-        for removed in growth.removed[from..].iter().take_while(|removed| removed.at <= index) {
-            self.growth = growth.of_removed;
-            self.module(before.get(removed.of));
+    /// Interprets one module of a string whose modules have grown in part, and records what it does. `index`: index in the string of
+    /// the module that `m` draws.
+    pub fn growing_module(&mut self, m: Module<'_>, index: usize, growth: &[ModuleGrowth]) {
+        self.growth = growth.get(index).copied().unwrap_or(ModuleGrowth::WHOLE);
+        if let Some(trace) = &mut self.trace {
+            trace.begin_module(index, self.s.p);
         }
+        self.module(m);
     }
 
     /// Interprets one module; modules must come in the order of the string.
@@ -760,6 +760,9 @@ impl<'a> Turtle<'a> {
                 }
             }
         }
+        if let Some(trace) = &mut self.trace {
+            trace.step(from, self.s.p, &self.s.frame);
+        }
         // If a cylinder is open here, it is the stem, and no segment is drawn.
         let is_stem = self.cylinder().is_some();
         // A drawn step extends the current axis. A jump ends it: what is drawn next begins a new axis.
@@ -796,7 +799,8 @@ impl<'a> Turtle<'a> {
         let width = self.s.width * self.options.unit_m;
         let color = u16::from(self.s.color) | if self.s.painted { PAINTED } else { 0 };
         // The first segment of a bracket level opens an axis at the node where the bracket began.
-        let node = DrawnNode { p: self.s.p, left, birth: m.birth, color };
+        let step = self.trace.as_ref().map_or(NONE, |trace| trace.last_step());
+        let node = DrawnNode { p: self.s.p, left, birth: m.birth, color, step };
         let axis = match self.s.attachment.axis {
             Some(axis) => axis,
             None => {
@@ -831,6 +835,9 @@ impl<'a> Turtle<'a> {
             return self.halt("L051", '~', message, "raise it with --max-organs, or shorten the derivation");
         }
         let site = self.current_site();
+        if let Some(trace) = &mut self.trace {
+            trace.organ(pose, size);
+        }
         self.builder.add_organ(RawOrgan { site, pose, size, protos, lineage: m.lineage(), birth: m.birth });
     }
 

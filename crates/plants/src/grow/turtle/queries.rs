@@ -2,12 +2,12 @@
 
 use super::interpreter::Turtle;
 use super::options::TurtleOptions;
-use super::step_part::interpolate_heirs;
+use super::step_part::SymbolRole;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_grammar::{
-    BindingEvaluator, DeriveOptions, DerivedString, Grammar, TurtleAnswers, derive_part, derive_with_queries,
+    BindingEvaluator, DeriveOptions, DerivedString, Dialect, Grammar, TurtleAnswers, derive_part, derive_with_queries,
     interpret_modules,
 };
 
@@ -60,19 +60,32 @@ fn derive_growing(
     part: f64,
     limits: &Limits,
 ) -> Result<DerivedString> {
-    let mut derived = derive_part(grammar, options, part, limits)?;
-    let own = Turtle::new(grammar, BindingEvaluator::new(grammar, &derived, limits), turtle, limits);
-    if !own.dialect.kind.has_cpfg_commands() {
-        let help = "use a whole number of steps, or `osier convert --to cpfg`";
-        return Err(refused(grammar, "a part of a step can be drawn of grammars in the notation of cpfg only", help));
-    }
-    let step_symbols = own.step_symbols();
-    interpolate_heirs(grammar, &mut derived, &step_symbols);
+    let derived = derive_part(grammar, options, part, limits)?;
+    // Checks that the notation has parts of steps.
+    roles(grammar, &derived, turtle, limits)?;
     Ok(derived)
 }
 
+/// What the symbols of a grammar do for the growth within a step.
+/// # Errors
+/// `Input` with L063 for a grammar of another program than cpfg, unless it binds its symbols itself.
+pub(super) fn roles(
+    grammar: &Grammar,
+    derived: &DerivedString,
+    turtle: &TurtleOptions,
+    limits: &Limits,
+) -> Result<Vec<SymbolRole>> {
+    let own = Turtle::new(grammar, BindingEvaluator::new(grammar, derived, limits), turtle, limits);
+    let dialect = own.dialect.kind;
+    if !dialect.has_cpfg_commands() && !matches!(dialect, Dialect::Catkin | Dialect::None) {
+        let help = "use a whole number of steps, or `osier convert --to cpfg`";
+        return Err(refused(grammar, "a part of a step can be drawn of grammars in the notation of cpfg only", help));
+    }
+    Ok(own.symbol_roles())
+}
+
 /// The error L063 for a part of a step.
-fn refused(grammar: &Grammar, message: &str, help: &str) -> Error {
+pub(super) fn refused(grammar: &Grammar, message: &str, help: &str) -> Error {
     let place = grammar.place_of(None, 'F');
     grammar.report(vec![Diagnostic::error("L063", message.to_owned(), place, "here").help(help)])
 }

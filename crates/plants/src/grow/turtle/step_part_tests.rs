@@ -11,7 +11,7 @@ use super::*;
 
 /// Textbook plants a to f, the curve of Koch, a plant whose modules have parameters, conditions and contexts, and one whose segments
 /// become moves.
-const GRAMMARS: [(&str, f64, u32, &str); 9] = [
+pub(super) const GRAMMARS: [(&str, f64, u32, &str); 9] = [
     ("a", 25.7, 3, "Axiom: F\nF --> F[+F]F[-F]F\n"),
     ("b", 20.0, 3, "Axiom: F\nF --> F[+F]F[-F][F]\n"),
     ("c", 22.5, 3, "Axiom: F\nF --> FF-[-F+F+F]+[+F-F-F]\n"),
@@ -29,7 +29,7 @@ const GRAMMARS: [(&str, f64, u32, &str); 9] = [
     ("moves", 30.0, 3, "Axiom: F(1)G(1)\nF(l) --> F(l)[+F(l)]f(l*0.5)F(l)\nG(l) --> [+F(l)]\n"),
 ];
 
-fn grammar(lines: &str) -> Grammar {
+pub(super) fn grammar(lines: &str) -> Grammar {
     read(&format!("Lsystem: 1\nderivation length: 1\n{lines}endlsystem\n"))
 }
 
@@ -47,7 +47,7 @@ fn plant(grammar: &Grammar, angle: f64, steps: u32, step_part: Option<f64>) -> P
 }
 
 /// Largest distance of a node of one plant from the nearest segment of the other, m.
-fn distance(of: &Plant, from: &Plant) -> f32 {
+pub(super) fn distance(of: &Plant, from: &Plant) -> f32 {
     let segments: Vec<_> = from.axes.iter().flat_map(|a| from.nodes_of(a).skip(1)).map(|k| [k - 1, k]).collect();
     let nearest = |p: glam::Vec3| {
         let away = |[a, b]: &[usize; 2]| {
@@ -60,7 +60,7 @@ fn distance(of: &Plant, from: &Plant) -> f32 {
     of.nodes.p.iter().map(|p| nearest(*p)).fold(0.0, f32::max)
 }
 
-fn size(plant: &Plant) -> f32 {
+pub(super) fn size(plant: &Plant) -> f32 {
     osier_base::geometry::Bounds::of(plant.nodes.p.iter().copied()).size().length()
 }
 

@@ -47,7 +47,7 @@ fn tips(plant: &Plant) -> Vec<Vec3> {
     plant.axes.iter().map(|a| plant.nodes.p[plant.nodes_of(a).end - 1]).collect()
 }
 
-fn leaf() -> OrganSpec {
+pub(super) fn leaf() -> OrganSpec {
     let mesh = Mesh {
         points: vec![Vec3::ZERO, Vec3::new(0.2, 0.5, 0.0), Vec3::new(-0.2, 0.5, 0.0)],
         normals: vec![Vec3::Z; 3],
