@@ -201,7 +201,7 @@ mod tests {
             Origin::Made(i) => format!("{}<{}{i}", name(m), name(step.before.modules.get(*i as usize))),
             Origin::Unknown => format!("{}?", name(m)),
         };
-        derived.modules.iter().zip(&step.origins).map(origin).collect()
+        derived.modules.iter().zip(step.origins.iter()).map(origin).collect()
     }
 
     #[test]
