@@ -1,5 +1,6 @@
 //! Plants of grammars over a clip: through the steps of their derivation, with one topology in every frame and file.
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run programs and read their files")]
+#![allow(clippy::cast_possible_truncation, reason = "indices of small files")]
 
 use std::fs;
 
