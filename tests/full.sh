@@ -44,6 +44,7 @@ OSIER_SEEDS=8 cargo test --release --test it flights::
 say "flows and stands that take minutes"
 cargo test --release --lib lattice:: -- --ignored
 cargo test --release --test it control -- --ignored
+cargo test --release --test it one_wind -- --ignored
 cargo test --release --test it rain_wind -- --ignored
 cargo test --release --test it flights -- --ignored
 cargo test --release --test it storm -- --ignored

@@ -94,7 +94,7 @@ fn usage_ends_with_2_and_help_with_0() {
         );
     }
     // Faults of a swept value name the flag that gave it.
-    let (_, err) = ends(1, &["bake", "catkins-wall", "-n", "--sweep", "wind.speeed=1,2"]);
+    let (_, err) = ends(1, &["bake", "catkins-wall", "-n", "--sweep", "wind.sped=1,2"]);
     assert!(err.contains("--sweep:1:6") && !err.contains("--set"), "{err}");
     // Pictures of plants are those of another command.
     let (_, err) = ends(2, &["grow", SCENE, "-o", arg(&dir.path().join("x.png"))]);

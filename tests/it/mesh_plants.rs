@@ -1,5 +1,6 @@
 //! Artists' meshes that sway: the skeleton against the plant that the mesh was grown from, the mesh at rest and in the
 //! wind, and what a file or a scene may do wrong.
+#![allow(clippy::print_stdout, reason = "figures that documents quote")]
 #![allow(
     clippy::expect_used,
     clippy::disallowed_methods,

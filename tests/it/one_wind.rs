@@ -209,6 +209,7 @@ fn parts_agree(number: usize) {
 }
 
 #[test]
+#[ignore = "eight bakes a model; `tests/full.sh` runs them"]
 fn all_parts_of_a_scene_are_in_one_calm_or_uniform_wind() {
     parts_agree(0);
     parts_agree(1);
@@ -220,6 +221,7 @@ fn all_parts_of_a_scene_are_in_one_gust_wind() {
 }
 
 #[test]
+#[ignore = "eight bakes a model; `tests/full.sh` runs them"]
 fn all_parts_of_a_scene_are_in_one_perlin_wind() {
     parts_agree(3);
 }
@@ -230,6 +232,7 @@ fn all_parts_of_a_scene_are_in_one_lattice_wind() {
 }
 
 #[test]
+#[ignore = "eight bakes a model; `tests/full.sh` runs them"]
 fn all_parts_of_a_scene_are_in_one_wind_of_an_inlet() {
     parts_agree(5);
 }

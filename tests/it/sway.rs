@@ -1,5 +1,7 @@
 //! Swaying scenes as a user bakes them.
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "helpers of tests")]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "indices of short lists")]
+#![allow(clippy::print_stdout, reason = "figures that documents quote")]
 
 use std::fs;
 use std::path::Path;
@@ -589,7 +591,7 @@ fn thin_rods_hardly_depend_on_their_steps() {
             let table = table.expect("joints");
             let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
             let heads = lines.next().expect("heads");
-            let last = lines.last().expect("a tip");
+            let last = lines.next_back().expect("a tip");
             let column = |name: &str| heads.iter().position(|head| *head == name).expect("column");
             glam::DVec3::from_array(["x", "y", "z"].map(|c| last[column(c)].parse().expect("number")))
         };

@@ -167,6 +167,7 @@ fn binary_points(
 }
 
 #[cfg(test)]
+#[allow(clippy::cast_possible_truncation, reason = "numbers of a test file")]
 mod tests {
     use super::*;
 

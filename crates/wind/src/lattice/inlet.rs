@@ -505,9 +505,9 @@ pub(super) struct InletNode {
     pub ground: f64,
 }
 
-/// Inflow at every inlet node, precomputed so that a step needs no trigonometry per node: cos(k . x + phase - k . s) = cos(k . x
-/// + phase) cos(k . s) + sin(k . x + phase) sin(k . s), where the first factors depend only on the node x and the second ones
-/// only on the displacement s of the step.
+/// Inflow at every inlet node, precomputed so that a step needs no trigonometry per node:
+/// `cos(k . x + phase - k . s) = cos(k . x + phase) cos(k . s) + sin(k . x + phase) sin(k . s)`, where the first factors depend
+/// only on the node x and the second ones only on the displacement s of the step.
 #[derive(Debug)]
 pub(super) struct InletNodes {
     /// Mean speed, cells per step.
