@@ -1,14 +1,14 @@
 //! Plants of grammars over a clip: through the steps of their derivation, with one topology in every frame and file.
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run programs and read their files")]
-#![allow(clippy::cast_possible_truncation, reason = "indices of small files")]
 
 use std::fs;
 
+use osier::scene::{InstancerFrame, InstancerMotion, MeshFrame, MeshMotion};
 use serde_json::Value;
 
 use crate::common::clients;
 use crate::common::program::{arg, ends};
-use crate::common::scene_text::complaint;
+use crate::common::scene_text::{assembled, complaint, evaluated};
 
 /// A scene of a grammar of the library that grows over nine frames.
 fn scene(grammar: &str, keys: &str) -> String {
@@ -16,6 +16,32 @@ fn scene(grammar: &str, keys: &str) -> String {
         "[frames]\nend = 9\n[plants.a]\ngrammar = \"{grammar}\"\nsteps = 6\ngrowth_clip = [0, 1]\n{keys}\
          [[place]]\nplant = \"a\"\n[ground]\nshow = false\n"
     )
+}
+
+#[test]
+fn a_frame_shows_the_plant_of_its_steps() {
+    let clip = assembled(&scene("compound-leaf.l", ""));
+    let asset = &clip.animated.scene.assets[0];
+    assert!(asset.meshes[0].motion == MeshMotion::Deforming && asset.instancers[0].motion == InstancerMotion::Free);
+    let frames = evaluated(&clip, &[1, 3, 5, 7, 9]);
+    let mut heights = Vec::new();
+    for frame in &frames {
+        let MeshFrame::Points { points, .. } = &frame.assets[0].meshes[0] else { panic!("points of the bark") };
+        assert_eq!(points.len(), asset.meshes[0].mesh.points.len());
+        let InstancerFrame::State(leaves) = &frame.assets[0].instancers[0] else { panic!("leaves") };
+        assert_eq!(leaves.positions.len(), asset.instancers[0].len());
+        heights.push(points.iter().map(|p| p.y).fold(0.0, f32::max));
+    }
+    // Of six steps the frame in the middle shows three, the last one all of them.
+    let still = |steps: u32| {
+        let text =
+            scene("compound-leaf.l", "").replace("steps = 6\ngrowth_clip = [0, 1]\n", &format!("steps = {steps}\n"));
+        let still = assembled(&text);
+        let points = &still.animated.scene.assets[0].meshes[0].mesh.points;
+        points.iter().map(|p| p.y).fold(0.0, f32::max)
+    };
+    assert!((heights[2] - still(3)).abs() < 0.02 * still(3), "{heights:?} {}", still(3));
+    assert!((heights[4] - still(6)).abs() < 1e-3 * still(6), "{heights:?} {}", still(6));
 }
 
 #[test]
@@ -34,7 +60,8 @@ fn bakes_of_a_developing_plant_have_one_topology() {
     let bark: Vec<&Value> = meshes.iter().filter(|m| m["name"].as_str().is_some_and(|n| n.contains("bark"))).collect();
     assert_eq!(bark.len(), 1, "{}", json["meshes"]);
     let primitives = bark[0]["primitives"].as_array().expect("primitives");
-    let count = |accessor: &Value| json["accessors"][accessor.as_u64().expect("a number") as usize]["count"].clone();
+    let number = |accessor: &Value| usize::try_from(accessor.as_u64().expect("a number")).expect("small");
+    let count = |accessor: &Value| json["accessors"][number(accessor)]["count"].clone();
     for primitive in primitives {
         let points = count(&primitive["attributes"]["POSITION"]);
         let targets = primitive["targets"].as_array().expect("shapes of the clip");

@@ -40,7 +40,7 @@ impl YearsMotion {
     /// Gives an asset the motions that its growth needs, and divides its leaves by the time of their appearance.
     pub fn prepare(asset: &mut Asset, materials: &PlantMaterials, clip: &dyn PosedGrowth) {
         GrowthMotion::prepare(asset);
-        // Behind the instancers of organs there may be one of segments.
+        // An instancer of segments may follow the instancers of organs.
         let organs = organs_by_instancer(clip.plant(), materials).len().min(asset.instancers.len());
         let segments = asset.instancers.split_off(organs);
         let divided = |leaves: &Instancer| -> Vec<Instancer> {

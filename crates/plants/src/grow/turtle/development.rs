@@ -124,6 +124,16 @@ struct ElementNow {
     radii: [f32; 2],
 }
 
+/// Where an element is in the drawing of a part of a step.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    /// Index of its module in the string that is drawn.
+    module: usize,
+    /// Its place in the string after the step, or before the step if the step removes it.
+    place: Place,
+    is_removed: bool,
+}
+
 /// The drawing of a part of a step.
 struct StepNow {
     /// Index of the string after the step.
@@ -455,7 +465,14 @@ impl DevelopmentClip {
         for k in own + 1..=level {
             let (Place::Live { module, .. } | Place::Point { module, .. }) = place;
             let next = self.levels[k].links.partition_point(|link| link.index() < module);
-            place = Place::Point { module: saturating_index(next), share: 0.0 };
+            let index = saturating_index(next);
+            place = match (place, self.levels[k].links.get(next)) {
+                // A move in place of a segment is there, though it is not drawn.
+                (Place::Live { item, shares, .. }, Some(ModuleLink::Same(i))) if *i == module => {
+                    Place::Live { module: index, item, shares }
+                }
+                _ => Place::Point { module: index, share: 0.0 },
+            };
         }
         place
     }
@@ -483,7 +500,8 @@ impl DevelopmentClip {
 
     /// An element in a part of a step.
     fn element_now(&self, element: Element, now: &StepNow) -> ElementNow {
-        let (module, place) = now.found(self, element);
+        let found = now.found(self, element);
+        let Found { module, place, .. } = found;
         let live = match place {
             Place::Live { item, shares, .. } => item_index(&now.first_step, module, item).map(|index| (index, shares)),
             Place::Point { .. } => None,
@@ -496,18 +514,18 @@ impl DevelopmentClip {
         let [from, to] = shares.map(|share| step.from.lerp(step.to, f64::from(share)));
         let along = step.to - step.from;
         let direction = if along.length() > MIN_DIRECTION { along.normalize() } else { step.heading };
-        let radii = self.radii_now(element, place, now);
+        let radii = self.radii_now(found, now);
         ElementNow { from, to, frame: Some((direction, step.left)), radii }
     }
 
     /// Radii at both ends of an element: between those before and after the step, in proportion to its part.
-    fn radii_now(&self, element: Element, place: Place, now: &StepNow) -> [f32; 2] {
+    fn radii_now(&self, found: Found, now: &StepNow) -> [f32; 2] {
         let [before, after] = [&self.levels[now.level - 1].radii, &self.levels[now.level].radii];
-        let Place::Live { module, item, shares } = place else { return [0.0; 2] };
-        if to_usize(element.level) < now.level {
+        let Place::Live { module, item, shares } = found.place else { return [0.0; 2] };
+        if found.is_removed {
             return before.between(module, item, shares).map(|r| r * (1.0 - now.part));
         }
-        let earlier = match self.levels[now.level].place_before(place) {
+        let earlier = match self.levels[now.level].place_before(found.place) {
             Place::Live { module, item, shares } => before.between(module, item, shares),
             Place::Point { .. } => [0.0; 2],
         };
@@ -557,7 +575,7 @@ impl DevelopmentClip {
 
     /// An organ in a part of a step; of size 0 where it does not exist.
     fn organ_now(&self, source: &OrganSource, organ: &Organ, now: &StepNow) -> LeafNow {
-        let (module, place) = now.found(self, source.element);
+        let Found { module, place, .. } = now.found(self, source.element);
         let live = match place {
             Place::Live { item, .. } => item_index(&now.first_organ, module, item),
             Place::Point { .. } => None,
@@ -620,20 +638,20 @@ impl PosedGrowth for DevelopmentClip {
 impl StepNow {
     /// The place of an element in the string that is drawn, and the index of its module there. That of an element that the step removes
     /// is its place before the step.
-    fn found(&self, clip: &DevelopmentClip, element: Element) -> (usize, Place) {
+    fn found(&self, clip: &DevelopmentClip, element: Element) -> Found {
         // What the step removes is drawn, too; what went before it lies at its beginning.
         if to_usize(element.level) < self.level {
             let place = clip.place(element, self.level - 1);
             let (Place::Live { module, .. } | Place::Point { module, .. }) = place;
             let index = self.growing.of_before.get(to_usize(module)).copied().unwrap_or(NONE);
             if index != NONE {
-                return (to_usize(index), place);
+                return Found { module: to_usize(index), place, is_removed: true };
             }
         }
         let place = clip.place(element, self.level);
         let (Place::Live { module, .. } | Place::Point { module, .. }) = place;
         let index = self.growing.of_after.get(to_usize(module)).copied();
-        (index.map_or(self.growing.growth.len(), to_usize), place)
+        Found { module: index.map_or(self.growing.growth.len(), to_usize), place, is_removed: false }
     }
 
     /// Position of what does not exist, by its place and the index of its module in the string that is drawn.

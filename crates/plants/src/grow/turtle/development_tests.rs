@@ -102,11 +102,9 @@ fn posed(clip: &DevelopmentClip, pose: &PoseNow) -> Plant {
     plant
 }
 
-/// Largest move of a node that has a thickness in both poses, change of a radius, and change of an organ that is seen; m. What has become
-/// thin without becoming short, such as a segment in whose place a gap opens, collapses when it has no thickness left.
+/// Largest move of a node, change of a radius, and change of an organ that is seen, between two poses; m.
 fn change(a: &PoseNow, b: &PoseNow) -> [f32; 3] {
-    let seen = (0..a.p.len()).filter(|k| a.r[*k].min(b.r[*k]) > 0.0);
-    let nodes = seen.map(|k| a.p[k].distance(b.p[k])).fold(0.0, f32::max);
+    let nodes = a.p.iter().zip(&b.p).map(|(p, q)| p.distance(*q)).fold(0.0, f32::max);
     let radii = a.r.iter().zip(&b.r).map(|(r, s)| (r - s).abs()).fold(0.0, f32::max);
     let leaves = a.leaves.iter().zip(&b.leaves).map(|(l, m)| {
         let moved = (l.position * l.size.min(m.size)).distance(m.position * l.size.min(m.size));
