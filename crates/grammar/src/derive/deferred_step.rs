@@ -1,9 +1,10 @@
 //! The last step of a derivation by steps, if its string is not stored: the step runs once to count its modules, and again for each
 //! use of them. The string before the step is stored, which is several times shorter where the string branches.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 
 use super::depth_first::{Block, ModuleSink};
+use super::independent::CountingSink;
 use super::matching::{self, ContextView};
 use super::plan::RewritePlan;
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
@@ -33,19 +34,6 @@ struct StepRun {
     count: u64,
     /// True if any production was applied.
     changed: bool,
-}
-
-/// Sink that discards all modules.
-struct CountingSink;
-
-impl ModuleSink for CountingSink {
-    const NEEDS_LINEAGE: bool = false;
-    const NEEDS_PARAMS: bool = false;
-
-    #[inline]
-    fn modules(&mut self, _block: &Block<'_>, _range: Range<usize>) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
 }
 
 impl DeferredStep {

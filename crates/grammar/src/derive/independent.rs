@@ -42,7 +42,7 @@ pub(super) struct DeferredDerivation {
 }
 
 /// Sink that discards all modules, for passes that only count them.
-struct CountingSink;
+pub(super) struct CountingSink;
 
 impl ModuleSink for CountingSink {
     const NEEDS_LINEAGE: bool = false;

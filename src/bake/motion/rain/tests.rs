@@ -24,7 +24,11 @@ fn built(more: &str) -> AssembledScene {
 }
 
 fn within(limits: &Limits, more: &str) -> osier_base::Result<AssembledScene> {
-    let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
+    assembled(limits, format!("{SCENE}{more}"))
+}
+
+fn assembled(limits: &Limits, text: String) -> osier_base::Result<AssembledScene> {
+    let request = Request { name: "test".into(), text, ..Request::default() };
     let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
     let cancel = Cancel::default();
     let context = BakeContext { limits, cancel: &cancel, progress: &Silent, cache: None };
@@ -172,6 +176,58 @@ fn leaves_get_maps_and_drops_show() {
         let PointsFrame::State { widths, .. } = frame.assets[rain].points(0) else { panic!("nothing falls") };
         assert!(widths.iter().any(|w| *w > 0.0));
     }
+}
+
+/// Mean wetness of the maps of bark at a frame.
+fn bark_wetness(built: &AssembledScene, number: u32) -> f64 {
+    let scene = &built.animated.scene;
+    let maps = at(built, number).maps;
+    let barks = scene.map_sequences.iter().zip(&maps).filter(|(s, _)| s.name.ends_with("_struck"));
+    let texels: Vec<f32> = barks.flat_map(|(_, m)| m.layers[0].as_flat().to_vec()).collect();
+    texels.iter().map(|w| f64::from(*w)).sum::<f64>() / texels.len().max(1) as f64
+}
+
+#[test]
+fn drops_wet_the_bark_that_they_strike_over_the_clip() {
+    // On still plants, on rods and on plants that sway.
+    for more in ["", "[plants.twig.rods]\n", "[plants.twig.wood]\ntimber = \"white_oak\"\n[wind]\nspeed = 3\n"] {
+        // Four seconds, since the twig is so small that few drops strike it in one.
+        let text = SCENE.replace("end = 8", "end = 96") + more;
+        let built = assembled(&Limits::default(), text).unwrap_or_else(|e| panic!("{e}"));
+        let scene = &built.animated.scene;
+        check_scene(scene).expect("sound");
+        check_frame(scene, &at(&built, 96)).expect("sound");
+        let wetness = [1, 96].map(|number| bark_wetness(&built, number));
+        assert!(wetness[0] > 0.005, "{more}: the spin-up has wetted bark: {wetness:?}");
+        assert!(wetness[0] < wetness[1] && wetness[1] < 1.0, "{more}: {wetness:?}");
+        // Rain reaches the upper side: bark that faces down has no coat.
+        let coated = |id: u32| scene.materials[id as usize].coat.is_some();
+        let (mut up, mut down, mut dry) = (0, 0, 0);
+        for mesh in scene.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh) {
+            let barks =
+                mesh.subsets.iter().filter(|s| scene.materials[s.material as usize].class == MaterialClass::Bark);
+            for subset in barks {
+                for [a, b, c] in mesh.subset_triangles(subset) {
+                    let [a, b, c] = [a, b, c].map(|i| mesh.points[*i as usize]);
+                    let normal = (b - a).cross(c - a).normalize_or_zero();
+                    match (coated(subset.material), normal.y) {
+                        (true, y) if y > -0.5 => up += 1,
+                        (true, _) => down += 1,
+                        (false, _) => dry += 1,
+                    }
+                }
+            }
+        }
+        assert!(up > 50 && dry > 20 && 10 * down < up, "{more}: {up} {down} {dry}");
+    }
+    // Without drops that fall bark has no maps; under a film of earlier rain drops darken it to the same albedo.
+    let none = built("falls = false\n");
+    assert!(none.animated.scene.map_sequences.iter().all(|s| !s.name.ends_with("_struck")));
+    let film = built("[rain.wet]\nfilm = 1\n");
+    let of_bark = |m: &&osier_scene::Material| m.class == MaterialClass::Bark && m.coat.is_some();
+    let coat = film.animated.scene.materials.iter().find(of_bark).and_then(|m| m.coat).expect("a coat");
+    assert!((coat.darkening - 1.0).abs() < 1e-6, "{}", coat.darkening);
+    assert!(bark_wetness(&film, 8) > 0.005);
 }
 
 #[test]
