@@ -11,8 +11,9 @@ say "licences, sources and duplicates of the dependencies"
 cargo deny --version >/dev/null 2>&1 || cargo install -q cargo-deny@0.20.2 --locked
 cargo deny check bans licenses sources
 
-say "the serial build is clean"
+say "the serial build is clean, and one thread without the program"
 cargo clippy --release --no-default-features --features cli --lib --bins -- -D warnings
+cargo clippy --release --no-default-features --lib -- -D warnings
 
 say "the library is clean without the program"
 cargo clippy --release --no-default-features --features parallel --lib -- -D warnings
@@ -35,23 +36,12 @@ OSIER_BPY="$lts/bin/python" cargo test --release --workspace --test it -- attrac
 say "every preset at seeds 0 to 63"
 OSIER_SEEDS=64 cargo test --release --test it presets -- --nocapture
 
-say "every preset in Blender and under the validators"
-cargo test --release --test it presets_in_clients -- --ignored
-
 say "walls and wet ground at eight seeds"
 OSIER_SEEDS=8 cargo test --release --test it flights::
 
-say "flows and stands that take minutes"
-cargo test --release --lib lattice:: -- --ignored
-cargo test --release --test it control -- --ignored
-cargo test --release --test it one_wind -- --ignored
-cargo test --release --test it rain_wind -- --ignored
-cargo test --release --test it flights -- --ignored
-cargo test --release --test it storm -- --ignored
-cargo test --release --test it walls -- --ignored
-cargo test --release -p osier-motion --lib fluttering -- --ignored
-cargo test --release -p osier-plants --lib rule_tests -- --ignored
-cargo test --release -p osier-motion --lib counts_of_many_seeds -- --ignored
+say "what takes from half a minute to minutes each: imports, growth, flows, stands"
+cargo test --release --workspace --test it -- --ignored
+cargo test --release --workspace --lib -- --ignored
 
 say "the same bytes from debug, release and without the newer instruction sets"
 cargo build --quiet

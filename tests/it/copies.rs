@@ -142,6 +142,7 @@ fn cycles_renders_the_sky_of_a_scene() {
 }
 
 #[test]
+#[ignore = "takes most of a minute; tests/full.sh runs it"]
 fn blender_opens_a_wood_of_a_hundred_trees() {
     let (folder, scene) = (baked("birch-wood", "birch-wood", &["--formats", "usd"]), scene("birch-wood"));
     let Some(r) = in_blender(&folder, &scene, "birch", &Value::Null) else { return };
@@ -152,6 +153,7 @@ fn blender_opens_a_wood_of_a_hundred_trees() {
 /// Blender's time grows with the armatures. The seconds allowed are some ten times as many as on a quiet machine, so that only a file that
 /// overwhelms Blender fails.
 #[test]
+#[ignore = "takes most of a minute; tests/full.sh runs it"]
 fn blender_opens_the_meadow_and_the_showcase_from_gltf() {
     let Some(python) = clients::python() else { return };
     for (preset, seconds, armatures, weighed) in

@@ -227,6 +227,7 @@ fn all_parts_of_a_scene_are_in_one_perlin_wind() {
 }
 
 #[test]
+#[ignore = "takes half a minute; tests/full.sh runs it"]
 fn all_parts_of_a_scene_are_in_one_lattice_wind() {
     parts_agree(4);
 }

@@ -1,7 +1,7 @@
 //! Every preset at many seeds: clean meshes, nothing detached, on the ground, and the same bytes at any thread count.
 //!
-//! `OSIER_SEEDS` sets how many seeds, 3 by default; `tests/full.sh` asks for 64. `OSIER_PRESETS` names the presets to judge, with
-//! commas; all by default.
+//! `OSIER_SEEDS` sets how many seeds, one for species and two for others by default; `tests/full.sh` asks for 64. `OSIER_PRESETS`
+//! names the presets to judge, with commas; all by default.
 #![allow(
     clippy::expect_used,
     clippy::disallowed_methods,

@@ -203,6 +203,7 @@ fn growing(species: &[(&str, u32)], frames: u32, formats: &str) -> String {
 }
 
 #[test]
+#[ignore = "takes half a minute; tests/full.sh runs it"]
 fn leaves_of_growing_trees_nearly_keep_their_area_between_frames() {
     let temp = tempfile::tempdir().expect("temp");
     for (name, species) in [("oak", &[("oak", 12)][..]), ("stand", &[("oak", 8), ("birch", 7)])] {
@@ -244,6 +245,7 @@ fn bytes_in(folder: &Path) -> u64 {
 }
 
 #[test]
+#[ignore = "takes half a minute; tests/full.sh runs it"]
 fn the_predicted_size_of_growth_in_usd_is_near_that_of_its_files() {
     let temp = tempfile::tempdir().expect("temp");
     let oak = growing(&[("oak", 12)], 40, "\"usd\"");
@@ -582,6 +584,7 @@ fn the_lines_of_a_growing_tree_for_pov_ray_are_predicted() {
 }
 
 #[test]
+#[ignore = "takes half a minute; tests/full.sh runs it"]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");
     let scene = "[frames]\nend = 8\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\

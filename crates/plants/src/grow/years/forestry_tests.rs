@@ -573,7 +573,7 @@ fn outside(plant: &Plant, axis: &Axis, p: Vec3) -> f32 {
 #[test]
 fn branches_begin_inside_of_bent_limbs() {
     only_in_release!();
-    for tree in grow_all(&seeds("oak", 60.0, 1..=4), &Site::default()) {
+    for tree in grow_all(&seeds("oak", 60.0, 1..=2), &Site::default()) {
         let plant =
             tree.plant(&PlantOptions { materials: vec!["bark".into()], ..PlantOptions::default() }, &Limits::default());
         let plant = plant.expect("a sound plant");
