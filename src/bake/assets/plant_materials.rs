@@ -94,7 +94,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         }
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
         let mut surface = match pictures {
-            Some(pictures) => textured_bark(keys, pictures, name),
+            Some(pictures) => bark_from_pictures(keys, pictures, name),
             None => bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?,
         };
         if axes_are_blades(plant) {
@@ -469,7 +469,7 @@ fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32
 }
 
 /// A bark of pictures.
-fn textured_bark(keys: &BarkKeys, pictures: &BarkPictures, name: String) -> SurfaceMaterial {
+fn bark_from_pictures(keys: &BarkKeys, pictures: &BarkPictures, name: String) -> SurfaceMaterial {
     let mut images = vec![Image { name: format!("{name}_color"), ..pictures.color.clone() }];
     images.extend(pictures.normal.clone().map(|normal| Image { name: format!("{name}_normal"), ..normal }));
     // White, as of imported meshes: PLY then takes the colours of vertices from the picture.

@@ -82,13 +82,13 @@ pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParam
     let mut obstacles = regions(&keys.obstacles);
     let named = keys.obstacles.iter().filter(|region| region.shape == RegionShape::Solid);
     let named = named.filter_map(|region| site.solids.iter().find(|s| s.name == region.name));
-    obstacles.extend(named.flat_map(|solid| roof_regions(solid, site)));
+    obstacles.extend(named.flat_map(|solid| roof_obstacles(solid, site)));
     if keys.solids {
         // Plants start from the land, which is therefore no obstacle.
         let standing = site.solids.iter().filter(|s| !matches!(s.form, Form::Land(_)));
         for solid in standing {
             obstacles.push(solid_region(solid, site));
-            obstacles.extend(roof_regions(solid, site));
+            obstacles.extend(roof_obstacles(solid, site));
         }
     }
     let envelope = regions(&keys.envelope);
@@ -199,7 +199,7 @@ fn region(keys: &RegionKeys, site: GrowthSite<'_>) -> Option<Region> {
 }
 
 /// The slabs of a roof as obstacles of particle-shapes.
-fn roof_regions(solid: &Solid, site: GrowthSite<'_>) -> Vec<Region> {
+fn roof_obstacles(solid: &Solid, site: GrowthSite<'_>) -> Vec<Region> {
     roof_solids(solid).iter().map(|slab| solid_region(slab, site)).collect()
 }
 

@@ -47,7 +47,7 @@ impl RodMotion {
     /// Joint transforms at the `frame`-th frame of the clip; those of the last frame after it.
     pub fn pose_at(&self, frame: u64) -> AssetFrame {
         let pose = usize::try_from(frame).ok().and_then(|k| self.0.get(k)).or(self.0.last());
-        AssetFrame { pose: pose.map(joint_transforms).unwrap_or_default(), ..AssetFrame::default() }
+        AssetFrame { pose: pose.map(world_joint_transforms).unwrap_or_default(), ..AssetFrame::default() }
     }
 }
 
@@ -58,7 +58,7 @@ impl AssetMotion for RodMotion {
 }
 
 /// Transforms of the joints in world space: the fixed root, then one per section, then one per weight.
-fn joint_transforms(pose: &RodSystemPose) -> Vec<Trs> {
+fn world_joint_transforms(pose: &RodSystemPose) -> Vec<Trs> {
     let sections = pose.sections.iter().map(|(t, r)| Trs { t: *t, r: *r, s: Vec3::ONE });
     [Trs::IDENTITY].into_iter().chain(sections).chain(pose.bodies.iter().map(|p| Trs::translation(*p))).collect()
 }
@@ -306,7 +306,7 @@ impl<'a> ConnectedRods<'a> {
             bodies: self.rods.bodies().iter().map(|b| self.rest_transform(b.section).0).collect(),
         };
         // One material per mesh. Skins address joints: the root, then the sections of all rods, then the weights.
-        let joints = joint_transforms(&rest);
+        let joints = world_joint_transforms(&rest);
         let (mut materials, mut meshes) = (Vec::new(), Vec::new());
         let mut add = |name: String, color: [f32; 3], mesh: Mesh, skin: SkinWeights| -> Result<()> {
             let material = first_material + index(materials.len(), "materials of rods")?;

@@ -36,14 +36,14 @@ pub struct SwayMotion {
     /// Whether frames carry points (`motion = "cache"`).
     cached: bool,
     /// Leaves of each instancer, in the order of its instances.
-    leaves: Vec<LeafMotion>,
+    leaves: Vec<InstancerLeafMotion>,
     wind: Arc<dyn Wind>,
     params: SwayParams,
 }
 
 /// Flutter and attachment of the leaves of one instancer.
 #[derive(Debug, Clone)]
-struct LeafMotion {
+struct InstancerLeafMotion {
     flutter: LeafFlutter,
     bindings: OrganBindings,
     /// Per leaf: the place on its twig.
@@ -164,7 +164,7 @@ impl SwayMotion {
                 l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
             let speed = wind.wind.mean_at(params.stand.apply(Vec3::Y * mean_height)).length();
             let flutter = LeafFlutter::new(l.organs, speed, period, l.flutter);
-            LeafMotion {
+            InstancerLeafMotion {
                 flutter: if wind.paper.is_some() { flutter.as_printed() } else { flutter },
                 bindings: OrganBindings::new(plant, l.organs),
                 twigs: l.organs.iter().map(|o| TwigLocation::new(&elements, elements.locate(o.axis, o.s))).collect(),
@@ -310,7 +310,7 @@ impl SwayMotion {
     }
 
     /// Rotates each leaf about its attachment by its flutter in the wind at its position.
-    fn add_flutter(&self, leaves: &LeafMotion, state: &mut InstanceState, sample: &SwaySample) {
+    fn add_flutter(&self, leaves: &InstancerLeafMotion, state: &mut InstanceState, sample: &SwaySample) {
         let stand = self.params.stand;
         let places: Vec<Vec3> = state.positions.iter().map(|p| stand.apply(*p)).collect();
         let mut velocities = vec![Vec3::ZERO; places.len()];

@@ -70,7 +70,7 @@ fn texels_per_unit(scene: &Scene, density: f32) -> Vec<Option<f32>> {
     let mut needed: Vec<Option<f32>> = vec![None; scene.materials.len()];
     for (asset, pixel) in scene.assets.iter().zip(PixelFootprint::of_assets(scene)) {
         let texel = (pixel / density).min(LARGEST_TEXEL);
-        for (mesh, scale) in textured_meshes(asset) {
+        for (mesh, scale) in meshes_with_largest_scale(asset) {
             for (material, unit) in metres_per_unit(mesh) {
                 if let Some(needed) = needed.get_mut(material as usize) {
                     // A pixel footprint of 0 means that the camera is at the surface: the resolution is then unlimited.
@@ -84,7 +84,7 @@ fn texels_per_unit(scene: &Scene, density: f32) -> Vec<Option<f32>> {
 }
 
 /// All meshes of an asset, levels of detail included, each with the largest scale at which instances show it.
-fn textured_meshes(asset: &Asset) -> Vec<(&Mesh, f32)> {
+fn meshes_with_largest_scale(asset: &Asset) -> Vec<(&Mesh, f32)> {
     let mut all: Vec<(&Mesh, f32)> = asset.meshes.iter().map(|m| (&m.mesh, 1.0)).collect();
     for instancer in &asset.instancers {
         let scale = instancer.scales.iter().fold(0.0_f32, |most, s| most.max(s.abs().max_element()));

@@ -13,7 +13,7 @@ pub(super) const GROWTH_PIXELS: f32 = 3.0;
 
 /// Whether an asset grows: its points move without a skeleton. Time samples with velocities, such as those of plants on
 /// rods, are never omitted.
-pub(super) fn grows(asset: &Asset) -> bool {
+pub(super) fn deforms_without_skeleton(asset: &Asset) -> bool {
     asset.skeleton.is_none() && asset.meshes.iter().any(|m| m.motion == MeshMotion::Deforming)
 }
 
@@ -25,7 +25,8 @@ pub(super) fn define_asset(
     index: usize,
 ) -> Result<Vec<Box<dyn AnimatedPrim>>> {
     let Some(asset) = cx.scene.assets.get(index) else { return Ok(Vec::new()) };
-    let pixel = cx.pixels.get(index).copied().unwrap_or(0.0) * if grows(asset) { GROWTH_PIXELS } else { 1.0 };
+    let pixel = cx.pixels.get(index).copied().unwrap_or(0.0)
+        * if deforms_without_skeleton(asset) { GROWTH_PIXELS } else { 1.0 };
     let mut names = Names::default();
     // Reserves the name of the scope of materials.
     names.unique("mtl");

@@ -31,7 +31,7 @@ pub(super) fn define_camera_and_lights(
 /// density, 1/m, is the extinction coefficient that follows from the visibility.
 fn define_fog_properties(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let Some(fog) = cx.scene.sky.fog else { return Ok(()) };
-    layer.define_prim(path, "Xform")?;
+    layer.define_plain_prim(path, "Xform")?;
     let property = |name: &str| format!("{path}.userProperties:fog_{name}");
     layer.set_attr(&property("color"), "color3f", UsdValue::Float3(fog.color))?;
     layer.set_attr(&property("density"), "float", UsdValue::Float(Fog::CONTRAST / fog.visibility))?;
@@ -42,7 +42,7 @@ fn define_fog_properties(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) 
 
 fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, aspect: f32) -> Result<()> {
     let camera = &cx.scene.camera;
-    layer.define_prim(path, "Camera")?;
+    layer.define_plain_prim(path, "Camera")?;
     // Pinhole camera: tan(vfov / 2) = (aperture / 2) / focal length, both in tenths of the scene unit.
     let focal = VERTICAL_APERTURE * 0.5 / math::tan_f32(camera.vfov * 0.5);
     layer.set_attr(&format!("{path}.clippingRange"), "float2", UsdValue::Float2(camera.clipping_range()))?;
@@ -63,7 +63,7 @@ fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, aspect: 
 
 fn define_sun(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let sun = &cx.scene.sun;
-    layer.define_prim(path, "DistantLight")?;
+    layer.define_plain_prim(path, "DistantLight")?;
     let degrees = sun.angle * 180.0 / std::f32::consts::PI;
     layer.set_attr(&format!("{path}.inputs:angle"), "float", UsdValue::Float(degrees))?;
     layer.set_attr(&format!("{path}.inputs:color"), "color3f", UsdValue::Float3(sun.color))?;
@@ -80,7 +80,7 @@ fn define_sun(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<(
 
 fn define_sky(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, picture: Option<&str>) -> Result<()> {
     let sky = &cx.scene.sky;
-    layer.define_prim(path, "DomeLight")?;
+    layer.define_plain_prim(path, "DomeLight")?;
     if let Some(picture) = picture {
         layer.set_attr(&format!("{path}.inputs:intensity"), "float", UsdValue::Float(1.0))?;
         layer.set_attr(&format!("{path}.inputs:texture:file"), "asset", UsdValue::Asset(picture))?;

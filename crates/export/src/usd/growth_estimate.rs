@@ -1,7 +1,7 @@
 //! Estimates the bytes of the time samples of growing plants. The share of omitted samples is measured in a few windows
 //! of the clip.
 
-use super::asset::{GROWTH_PIXELS, grows};
+use super::asset::{GROWTH_PIXELS, deforms_without_skeleton};
 use super::instancer::{DueSamples, InstanceReducers, InstanceSample};
 use super::mesh::point_reducer;
 use super::options::UsdOptions;
@@ -26,7 +26,7 @@ const QUATH_BYTES: usize = 8;
 pub(super) fn growth_sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
     let (scene, frames) = (input.scene, input.frames);
     let mut bytes = vec![None; input.assets.len()];
-    let growing: Vec<usize> = (0..scene.assets.len()).filter(|i| grows(&scene.assets[*i])).collect();
+    let growing: Vec<usize> = (0..scene.assets.len()).filter(|i| deforms_without_skeleton(&scene.assets[*i])).collect();
     let Some(source) = input.growth.filter(|_| frames > 1 && !growing.is_empty()) else { return bytes };
     let is_whole = frames <= WHOLE_FRAMES;
     let windows = if is_whole { 1 } else { (WINDOWS_OF_ALL / growing.len()).clamp(1, WINDOWS) };
@@ -190,7 +190,7 @@ impl<'a> AssetReduction<'a> {
             let sample = InstanceSample::of(up, instancer, &state, &reduction.before, time);
             let due = reduction.reducers.push(&sample);
             reduction.before = sample.into_orientations();
-            reduction.add(due);
+            reduction.count_due_samples(due);
         }
     }
 
@@ -201,7 +201,7 @@ impl<'a> AssetReduction<'a> {
         }
         for instancer in &mut self.instancers {
             let due = instancer.reducers.finish();
-            instancer.add(due);
+            instancer.count_due_samples(due);
         }
     }
 
@@ -212,7 +212,7 @@ impl<'a> AssetReduction<'a> {
 }
 
 impl InstancerReduction {
-    fn add(&mut self, due: DueSamples) {
+    fn count_due_samples(&mut self, due: DueSamples) {
         self.positions.add(due.positions, size_of::<Vec3>());
         self.orientations.add(due.orientations, QUATH_BYTES);
         self.scales.add(due.scales, size_of::<Vec3>());

@@ -189,7 +189,7 @@ pub(super) fn define_instancer(
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
     let InstancerInput { index, instancer, pixel } = source;
     // Orientations are half precision (`quath`), and the extent is computed from the rounded ones, as readers will.
-    layer.define_prim(path, "PointInstancer")?;
+    layer.define_plain_prim(path, "PointInstancer")?;
     let up = cx.up;
     let n = instancer.len();
     let boxes = InstancerBounds::of(instancer, up);
@@ -247,7 +247,7 @@ fn define_prototypes(
 ) -> Result<()> {
     let names: Vec<String> = (0..instancer.prototypes.len()).map(|i| format!("{path}/Prototypes/p{i:03}")).collect();
     layer.writer.create_relationship(&format!("{path}.prototypes"), &names)?;
-    layer.define_prim(&format!("{path}/Prototypes"), "Scope")?;
+    layer.define_plain_prim(&format!("{path}/Prototypes"), "Scope")?;
     for (name, proto) in names.iter().zip(&instancer.prototypes) {
         if !proto.others.is_empty() {
             define_lod_variants(cx, layer, root, name, proto)?;
@@ -255,7 +255,7 @@ fn define_prototypes(
         }
         match &proto.fine {
             Some(_) => layer
-                .define_prim(name, "Xform")
+                .define_plain_prim(name, "Xform")
                 .and_then(|()| define_prototype_contents(cx, layer, root, name, proto))?,
             None => {
                 let place = MeshTarget { root, path: name, skinned: false, varying: false };
@@ -424,7 +424,7 @@ pub(super) fn define_instancer_points(
     instancer: &Instancer,
 ) -> Result<Box<dyn AnimatedPrim>> {
     // A point is as wide as its prototype's box at the instance's scale; readers that show points as spheres show the size.
-    layer.define_prim(path, "Points")?;
+    layer.define_plain_prim(path, "Points")?;
     let up = cx.up;
     let diameters = diameters(instancer);
     let before = continuous_stage_orientations(up, &instancer.rest, &[]);

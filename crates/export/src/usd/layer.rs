@@ -61,7 +61,7 @@ impl LayerBuilder {
     }
 
     /// Defines a prim without metadata.
-    pub(crate) fn define_prim(&mut self, path: &str, type_name: &'static str) -> Result<()> {
+    pub(crate) fn define_plain_prim(&mut self, path: &str, type_name: &'static str) -> Result<()> {
         self.writer.define_prim(path, type_name, &PrimMetadata::default())
     }
 
@@ -100,7 +100,7 @@ impl LayerBuilder {
         let path = format!("{scope}/{}", safe_name(&source.name));
         // Scope and materials share one set of paths: their paths differ, and each is defined once.
         if self.defined_materials.insert(scope.clone()) {
-            self.define_prim(&scope, "Scope")?;
+            self.define_plain_prim(&scope, "Scope")?;
         }
         if self.defined_materials.insert(path.clone()) {
             // Blender's preview surfaces do not read vertex colours, so the material has their mean.

@@ -188,7 +188,7 @@ impl UsdExporter {
                 Some(out) => Box::new(out),
                 None => Box::new(CountingSink::default()),
             };
-            let mut layer = new_layer(cx, Box::new(usdc::UsdcWriter::new(sink)), &name)?;
+            let mut layer = begin_layer(cx, Box::new(usdc::UsdcWriter::new(sink)), &name)?;
             layer.writer.define_prim(
                 &root,
                 "Xform",
@@ -200,7 +200,7 @@ impl UsdExporter {
                 continue;
             }
             if let Some(out) = self.folder.create(&format!("usd/{name}.points.usdc"), "usdc.points", None)? {
-                let mut layer = new_layer(cx, Box::new(usdc::UsdcWriter::new(Box::new(out))), &name)?;
+                let mut layer = begin_layer(cx, Box::new(usdc::UsdcWriter::new(Box::new(out))), &name)?;
                 layer.writer.define_prim(
                     &root,
                     "Xform",
@@ -233,7 +233,7 @@ impl UsdExporter {
             "usdz" => Box::new(usdc::UsdcWriter::new(Box::new(self.usdz_sink(cx, out, &format!("{scene}.usdc"))?))),
             _ => Box::new(usdc::UsdcWriter::new(Box::new(out))),
         };
-        let mut layer = new_layer(cx, writer, &scene)?;
+        let mut layer = begin_layer(cx, writer, &scene)?;
         let root = format!("/{scene}");
         layer.writer.define_prim(
             &root,
@@ -297,7 +297,7 @@ impl UsdExporter {
         // The wrapper is in the output folder itself, the payloads are in a subfolder: texture paths in the wrapper
         // differ from theirs.
         let cx = &UsdContext { pictures: "./textures/".to_owned(), maps: None, ..cx.clone() };
-        let mut layer = new_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &scene)?;
+        let mut layer = begin_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &scene)?;
         let root = format!("/{scene}");
         layer.writer.define_prim(
             &root,
@@ -351,7 +351,7 @@ impl UsdExporter {
     fn write_asset_library(&self, cx: &UsdContext) -> Result<()> {
         let Some(first) = cx.scene.assets.first() else { return Ok(()) };
         let Some(out) = self.folder.create(ASSET_STAGE, "usda.assets", None)? else { return Ok(()) };
-        let mut layer = new_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &safe_name(&first.id))?;
+        let mut layer = begin_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &safe_name(&first.id))?;
         for (i, asset) in cx.scene.assets.iter().enumerate() {
             let payload = payload_arc(cx, i, 0, "./");
             let meta = PrimMetadata { kind: Some("component"), payload, ..PrimMetadata::default() };
@@ -373,7 +373,7 @@ impl UsdExporter {
     }
 }
 
-fn new_layer(cx: &UsdContext, writer: Box<dyn LayerWriter>, default_prim: &str) -> Result<LayerBuilder> {
+fn begin_layer(cx: &UsdContext, writer: Box<dyn LayerWriter>, default_prim: &str) -> Result<LayerBuilder> {
     let mut layer = LayerBuilder::new(writer);
     layer.writer.begin(&LayerMetadata::for_scene(&cx.scene, default_prim, cx.up))?;
     Ok(layer)

@@ -128,7 +128,7 @@ impl PlantInstancer<'_> {
     pub(super) fn define(&self, layer: &mut LayerBuilder) -> Result<()> {
         let meta = PrimMetadata { kind: Some("group"), ..PrimMetadata::default() };
         layer.writer.define_prim(&self.path, "PointInstancer", &meta)?;
-        layer.define_prim(&format!("{}/Prototypes", self.path), "Scope")
+        layer.define_plain_prim(&format!("{}/Prototypes", self.path), "Scope")
     }
 
     /// Writes the transforms and prototypes of the instances, and the extent. `clip_bounds`: the box of each asset over the whole

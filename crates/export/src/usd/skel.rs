@@ -140,7 +140,7 @@ pub(crate) fn define_animation(
     joints: &[String],
     extent: AttrHandle,
 ) -> Result<SkelAnimation> {
-    layer.define_prim(path, "SkelAnimation")?;
+    layer.define_plain_prim(path, "SkelAnimation")?;
     let (t, r, s) = animation_channels(cx, &skeleton.rest_pose());
     layer.set_uniform(&format!("{path}.joints"), "token[]", UsdArray::Token(joints).into())?;
     let rotations = UsdArray::Quatf(bytemuck::cast_slice(&r));

@@ -14,11 +14,11 @@ pub(super) fn define_volumes(cx: &UsdContext, layer: &mut LayerBuilder, root: &s
     for file in volume_files(scene) {
         // `plan_placements` leaves the name to the volume.
         let path = format!("{root}/{file}");
-        layer.define_prim(&path, "Volume")?;
+        layer.define_plain_prim(&path, "Volume")?;
         for grid in scene.volumes.iter().filter(|g| g.file == file) {
             let field = format!("{path}/{}", grid.name);
             layer.writer.create_relationship(&format!("{path}.field:{}", grid.name), std::slice::from_ref(&field))?;
-            layer.define_prim(&field, "OpenVDBAsset")?;
+            layer.define_plain_prim(&field, "OpenVDBAsset")?;
             layer.set_attr(&format!("{field}.fieldName"), "token", UsdValue::Token(grid.name))?;
             let files = layer.writer.create_attr(&format!("{field}.filePath"), &AttrSpec::new("asset"), None)?;
             for frame in frames.iter().filter(|n| grid.is_due(n.saturating_sub(scene.clip.start))) {

@@ -225,7 +225,7 @@ impl<'a> RainCollider<'a> {
                 Some(leaf) => leaf.intersect_path(path, d).map(|hit| DropHit::Leaf { leaf: i, hit }),
                 None => {
                     let segment = i - self.leaves.len();
-                    intersect_wood(&self.wood[segment], path, d).map(|hit| DropHit::Wood { segment, hit })
+                    intersect_wood_segment(&self.wood[segment], path, d).map(|hit| DropHit::Wood { segment, hit })
                 }
             };
             if let Some(s) =
@@ -239,7 +239,7 @@ impl<'a> RainCollider<'a> {
 }
 
 /// Where a drop of diameter `d`, m, comes nearest to a wood segment on its path; `None` if it does not touch the wood there.
-fn intersect_wood(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<WoodHit> {
+fn intersect_wood_segment(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<WoodHit> {
     // Closest points of two segments, from + s u and ends[0] + t v: minimize |w + s u - t v|^2 over s, clamp s, then solve for t,
     // clamp it, and solve for s again.
     let (u, v, w) = (to - from, wood.ends[1] - wood.ends[0], from - wood.ends[0]);

@@ -8,7 +8,7 @@ use crate::rods::prism::{
     matrix_vector,
 };
 use crate::rods::solver::assemble::{AttachedBaseState, SpringAssembly};
-use crate::rods::solver::block::{BlockRow, PredecessorPair, solve_block_system};
+use crate::rods::solver::block::{BlockRow, PrecedingSections, solve_block_system};
 use crate::rods::tuning::{
     CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, MIN_STEPS_PER_FRAME, MIN_STEPS_PER_SECOND, STEP_PHASE,
 };
@@ -453,7 +453,7 @@ impl RodSystem {
 
     /// Adds `all` M + `own` M_own to the diagonal block of section `i`.
     #[inline]
-    pub(crate) fn add_mass_to_block(&mut self, i: usize, all: f64, own: f64) {
+    pub(crate) fn add_section_mass_to_block(&mut self, i: usize, all: f64, own: f64) {
         let rows = &mut self.step.rows[i].0;
         match self.step.section_masses.get(self.step.mass_index[i] as usize) {
             None => {
@@ -635,7 +635,7 @@ impl RodSystem {
 
     /// Solves the Newton system for `step.change`; false if its matrix is not positive definite.
     pub(crate) fn solve_newton_update(&mut self) -> bool {
-        let predecessors: &[PredecessorPair] = &self.tree.predecessors;
+        let predecessors: &[PrecedingSections] = &self.tree.predecessors;
         solve_block_system(&mut self.step.rows, predecessors, &mut self.step.change)
     }
 }

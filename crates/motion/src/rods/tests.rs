@@ -71,7 +71,7 @@ fn fundamental_hz_by_inverse_iteration(rods: &mut RodSystem) -> f64 {
         rods.assemble_springs(true);
         for i in 0..n {
             let back = rods.dampings[rods.tree.sections[i].rod].recovery;
-            rods.add_mass_to_block(i, 0.0, back);
+            rods.add_section_mass_to_block(i, 0.0, back);
             let right = rods.apply_mass(i, &y[i], false);
             rods.step.rows[i].set_right_hand_side(&right);
         }

@@ -33,7 +33,7 @@ impl CellGeometry {
     /// Columns and rows of the plane `z` whose centres lie within a solid's bounds, extended by `margin`, m; `None` if the plane
     /// itself lies outside. Land extends without bound horizontally and downwards.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
-    pub(super) fn plane_range(
+    pub(super) fn cells_within_bounds(
         self,
         grid: &LatticeGrid,
         solid: &Solid,

@@ -34,7 +34,7 @@ impl CutHalfLinks {
         let planes = par::par_map(&planes, |z| {
             let mut plane = vec![0_u16; grid.n[0] * grid.n[1]];
             for body in solids {
-                let Some([columns, rows]) = cells.plane_range(grid, body, half + slack, *z) else { continue };
+                let Some([columns, rows]) = cells.cells_within_bounds(grid, body, half + slack, *z) else { continue };
                 for y in rows {
                     for x in columns.clone() {
                         if solid[grid.cell_index([x, y, *z])] {

@@ -1,7 +1,7 @@
 //! Boundary exchange: moves populations to the halo slots from which cells at walls, ground and open faces read.
 //!
 //! A step goes through the domain plane by plane. Before a plane is computed, populations that arrive at it from
-//! boundaries are scattered into the slots its cells read, or into [`RowHalo`] for the ends of rows; afterwards, those
+//! boundaries are scattered into the slots its cells read, or into [`RowEndPopulations`] for the ends of rows; afterwards, those
 //! that the next step's boundaries need are gathered into a buffer:
 //!
 //! ```text
@@ -19,7 +19,7 @@ use std::ops::Range;
 use super::collide::moments;
 use super::grid::{LatticeGrid, Populations, Slot, StepParity};
 use super::open_boundary::OpenBoundary;
-use super::row_halo::RowHalo;
+use super::row_ends::RowEndPopulations;
 use super::stencil::Q;
 use osier_base::convert::to_usize;
 
@@ -43,7 +43,7 @@ pub(super) struct SpanCopy {
     pub wall_momentum: f32,
 }
 
-/// Populations that arrive at the ends of consecutive rows: from a buffer into [`RowHalo`].
+/// Populations that arrive at the ends of consecutive rows: from a buffer into [`RowEndPopulations`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct RowHaloCopy {
     pub halo_index: u32,
@@ -166,13 +166,13 @@ pub(super) struct ExchangeOutput<'a> {
 
 /// A range of planes of every population array.
 #[derive(Debug)]
-pub(super) struct PlaneSlices<'a> {
+pub(super) struct PopulationPlanes<'a> {
     pub arrays: Vec<&'a mut [f32]>,
     /// Number of the first plane; the halo plane -1 has number 0.
     pub first_plane: usize,
 }
 
-impl PlaneSlices<'_> {
+impl PopulationPlanes<'_> {
     /// Element at which the plane z begins.
     pub(super) fn plane_start(&self, grid: &LatticeGrid, z: usize) -> usize {
         (z + 1 - self.first_plane) * grid.plane_stride
@@ -219,8 +219,8 @@ impl IncomingPopulations<'_> {
     /// `halo`.
     pub(super) fn scatter_incoming(
         self,
-        planes: &mut PlaneSlices<'_>,
-        halo: &mut RowHalo,
+        planes: &mut PopulationPlanes<'_>,
+        halo: &mut RowEndPopulations,
         parity: StepParity,
         z: usize,
     ) {
@@ -252,7 +252,7 @@ impl IncomingPopulations<'_> {
     /// Gathers the populations of the plane `z` that the next step's boundaries need, after the plane's step.
     pub(super) fn gather_outgoing(
         self,
-        planes: &PlaneSlices<'_>,
+        planes: &PopulationPlanes<'_>,
         parity: StepParity,
         z: usize,
         out: &mut ExchangeOutput<'_>,
@@ -273,7 +273,7 @@ impl IncomingPopulations<'_> {
     /// Gathers the populations that left the cells `skip..skip + N` of a span of open cells in the plane `z`.
     pub(super) fn gather_open_boundary_populations<const N: usize>(
         &self,
-        planes: &PlaneSlices<'_>,
+        planes: &PopulationPlanes<'_>,
         parity: StepParity,
         z: usize,
         span: StridedNodes,

@@ -9,7 +9,7 @@ use super::exchange::{
     StridedNodes,
 };
 use super::open_boundary::{GhostNode, GhostSlots, OpenBoundary};
-use super::row_halo::RowHalo;
+use super::row_ends::RowEndPopulations;
 use super::stencil::{Q, VELOCITIES, weight};
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
@@ -38,7 +38,7 @@ struct RunLink {
     from: PlaneElement,
     /// Momentum that a moving wall adds.
     wall_momentum: Option<f32>,
-    /// Index of the first in [`RowHalo`], if they arrive at ends of rows.
+    /// Index of the first in [`RowEndPopulations`], if they arrive at ends of rows.
     halo_index: Option<usize>,
 }
 
@@ -104,7 +104,7 @@ impl ExchangeBuilder<'_> {
     /// Lists the population that arrives at a cell in direction `i`, unless it simply streams from its neighbour.
     fn link_population(&mut self, x: [usize; 3], i: usize) {
         let to = self.plane_node(x);
-        let halo_index = RowHalo::halo_index_of(&self.domain.grid, i, [x[0], x[1]]);
+        let halo_index = RowEndPopulations::halo_index_of(&self.domain.grid, i, [x[0], x[1]]);
         let one = NodeRun { first: to, count: 1, stride: 1 };
         let link =
             |outgoing, from, wall_momentum| RunLink { incoming: i, outgoing, to: one, from, wall_momentum, halo_index };
@@ -274,7 +274,7 @@ impl ExchangeBuilder<'_> {
             // A population that arrives at the end of a row goes to the row halo; consecutive ones share a copy.
             let at = slots[*ghost].buffer_index_of(*sent);
             let cell = [to.element % grid.row_stride, to.element / grid.row_stride];
-            if let Some(halo_index) = RowHalo::halo_index_of(grid, *incoming, cell) {
+            if let Some(halo_index) = RowEndPopulations::halo_index_of(grid, *incoming, cell) {
                 let range = &mut planes[to.plane].ghost_halo;
                 let (halo_index, buffer_index) = (checked_u32(halo_index)?, checked_u32(at)?);
                 let follows = |c: &&mut RowHaloCopy| {

@@ -30,7 +30,7 @@ mod recorded;
 #[cfg(test)]
 mod reference;
 mod report;
-mod row_halo;
+mod row_ends;
 mod setup;
 mod snapshot;
 mod snapshot_layout;

@@ -63,7 +63,7 @@ fn ground_height(domain: &Domain, node: [isize; 3], spacing: f64) -> f64 {
 }
 
 /// By height of cell: mean speed less its average over all heights, and shear coefficient, both along the wind, cells per step.
-pub(super) fn profile_deviation(inlet: &InletWind, setup: &LatticeSetup) -> Vec<[f64; 2]> {
+pub(super) fn ramp_velocity_by_height(inlet: &InletWind, setup: &LatticeSetup) -> Vec<[f64; 2]> {
     let heights: Vec<f64> = (0..setup.n[1]).map(|y| setup.spacing * (y as f64 + 0.5)).collect();
     let speed = |height: &f64| inlet.speed_at(*height, 1.0) / setup.speed_unit();
     let mean = heights.iter().map(speed).sum::<f64>() / setup.n[1] as f64;

@@ -6,10 +6,10 @@ use pulp::Simd;
 use super::collide::{CollisionResult, MAX_SPEED, Relaxation, UNCHECKED_SPEED, collide, moments};
 use super::diagnostics::{PlaneDiagnostics, SnapshotPlane};
 use super::domain::Domain;
-use super::exchange::{ExchangeOutput, IncomingPopulations, PlaneSlices};
+use super::exchange::{ExchangeOutput, IncomingPopulations, PopulationPlanes};
 use super::grid::{BLOCK, LatticeGrid, StepParity};
 use super::ground::apply_wall_stress;
-use super::row_halo::{NO_LANE, RowEndLanes, RowHalo};
+use super::row_ends::{NO_LANE, RowEndLanes, RowEndPopulations};
 use super::stencil::{Q, opposite};
 use super::step_tables::StepTables;
 use osier_base::convert::to_usize;
@@ -17,7 +17,7 @@ use osier_base::simd::{F32Lanes, Lane as _};
 
 /// Buffers that a thread reuses from plane to plane, and the planes of a snapshot that it writes.
 pub(super) struct ThreadScratch<'a> {
-    row_halo: RowHalo,
+    row_ends: RowEndPopulations,
     /// Velocity by component and density less 1 of a plane, while its snapshot is written.
     moments: [Vec<f32>; 4],
     /// Planes of the snapshot by number, in descending order; empty if none is written.
@@ -32,7 +32,7 @@ impl<'a> ThreadScratch<'a> {
         // The moment buffers are needed only by threads that write part of a snapshot.
         let length = if snapshot.is_empty() { 0 } else { grid.plane_span().next_multiple_of(BLOCK) };
         Self {
-            row_halo: RowHalo::new(grid),
+            row_ends: RowEndPopulations::new(grid),
             moments: std::array::from_fn(|_| vec![0.0; length]),
             snapshot,
             diagnostics: Vec::new(),
@@ -96,14 +96,14 @@ impl PlaneStep<'_> {
     pub(super) fn scatter_collide_gather<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
         self,
         simd: S,
-        planes: &mut PlaneSlices<'_>,
+        planes: &mut PopulationPlanes<'_>,
         scratch: &mut ThreadScratch<'_>,
         output: &mut ExchangeOutput<'_>,
         max_speed_squared: &mut f32,
     ) -> u64 {
         let parity = if ODD { StepParity::Odd } else { StepParity::Even };
         // Boundary populations of this plane enter their halo slots before any cell of it is read.
-        self.input.scatter_incoming(planes, &mut scratch.row_halo, parity, self.z);
+        self.input.scatter_incoming(planes, &mut scratch.row_ends, parity, self.z);
         // Limiting speeds or writing moments within the kernel costs a tenth of its time: a second kernel does both, if a
         // snapshot is taken or a speed near the limit occurred in the previous step.
         let writes = self.last && scratch.is_next_snapshot_plane(self.z);
@@ -128,13 +128,13 @@ impl PlaneStep<'_> {
     fn collide_plane<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool, const CHECKED: bool>(
         self,
         simd: S,
-        planes: &mut PlaneSlices<'_>,
+        planes: &mut PopulationPlanes<'_>,
         scratch: &mut ThreadScratch<'_>,
         output: &mut ExchangeOutput<'_>,
     ) -> PlaneSpeedStats {
         let Self { tables, domain, z, .. } = self;
         let writes = CHECKED && self.last && scratch.is_next_snapshot_plane(z);
-        let ThreadScratch { row_halo, moments, .. } = scratch;
+        let ThreadScratch { row_ends, moments, .. } = scratch;
         let grid = &tables.grid;
         let length = grid.plane_span().next_multiple_of(BLOCK);
         let first = planes.plane_start(grid, z) + grid.first_cell;
@@ -197,7 +197,7 @@ impl PlaneStep<'_> {
                 // Insert the populations that arrive through faces -x and +x, which are in the row halo, not in the arrays.
                 if b == next_end {
                     for end in tables.row_ends[next..].iter().take_while(|end| end.block == b) {
-                        row_halo.insert_into_lanes(simd, *end, &mut g);
+                        row_ends.insert_into_lanes(simd, *end, &mut g);
                     }
                 }
                 // In the lowest row over rough ground, subtract the wall stress from the populations before they collide.
@@ -270,7 +270,7 @@ impl PlaneStep<'_> {
     fn store_open_span_moments<S: Simd>(
         self,
         simd: S,
-        planes: &PlaneSlices<'_>,
+        planes: &PopulationPlanes<'_>,
         parity: StepParity,
         output: &mut ExchangeOutput<'_>,
     ) {

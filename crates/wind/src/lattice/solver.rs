@@ -16,7 +16,7 @@ use super::grid::{LatticeGrid, StepParity};
 use super::inlet::{InletNodes, InletStep, InletWind, spin_up_ramp};
 use super::joined_sides::check_joined_sides;
 use super::memory_estimate::LatticeMemory;
-use super::outlet_targets::{OutletTargets, inlet_nodes, profile_deviation};
+use super::outlet_targets::{OutletTargets, inlet_nodes, ramp_velocity_by_height};
 use super::report::{LatticeStats, LatticeWarning};
 use super::setup::{LatticeOptions, LatticeSetup, face_conditions, faces_ever_open, periodic_axes};
 use super::snapshot::WindSnapshot;
@@ -58,7 +58,7 @@ pub struct LatticeSolver {
     turning: Option<LatticeOptions>,
     pub(super) warnings: Vec<LatticeWarning>,
     /// By y, along the wind, cells per step: difference of the profile from its mean, and its shear coefficient.
-    profile_deviation: Vec<[f64; 2]>,
+    ramp_velocity_by_height: Vec<[f64; 2]>,
     fluid_cells: usize,
     /// Share of the rows of cells along the wind that solids block.
     blocked: f64,
@@ -132,7 +132,7 @@ impl LatticeSolver {
         let flow = FlowState::new(domain, params, options.outlet_nonequilibrium)?;
         let inlet_nodes = inlet_nodes(&flow, &inlet, &setup);
         let outlet_targets = OutletTargets::new(&flow, &inlet, &setup);
-        let profile_deviation = profile_deviation(&inlet, &setup);
+        let ramp_velocity_by_height = ramp_velocity_by_height(&inlet, &setup);
         let stats =
             LatticeStats { steps: 0, clamped_cells: 0, peak_checkerboard: 0.0, checkerboard: 0.0, density_error: 0.0 };
         Ok(Self {
@@ -145,7 +145,7 @@ impl LatticeSolver {
             outlet_targets,
             turning: (!options.inlet.direction_curve.is_empty()).then(|| options.clone()),
             warnings,
-            profile_deviation,
+            ramp_velocity_by_height,
             fluid_cells,
             blocked: report.blocked,
             stats,
@@ -315,7 +315,7 @@ impl LatticeSolver {
                 velocity: along(*velocity),
                 shear: along(*shear),
             };
-            let layers: Vec<_> = self.profile_deviation.iter().map(layer).collect();
+            let layers: Vec<_> = self.ramp_velocity_by_height.iter().map(layer).collect();
             self.flow.add_layer_velocities(&layers);
         }
     }

@@ -5,7 +5,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::domain::Domain;
 use super::grid::{BLOCK, LatticeGrid};
 use super::ground::GroundModel;
-use super::row_halo::RowEndLanes;
+use super::row_ends::RowEndLanes;
 use osier_base::Result;
 use osier_base::convert::index;
 
@@ -68,7 +68,7 @@ impl StepTables {
         let drag = (0..drag_nodes).map(|k| if k < grid.n[0] { params.ground.drag } else { 0.0 }).collect();
         let drag_sponge = (0..drag_nodes).map(|k| params.sponge[0].get(k).copied().unwrap_or(0.0)).collect();
         let arch = Arch::new();
-        let block_ranges = (0..grid.n[2]).map(|z| find_air_blocks(domain, &params, z)).collect::<Result<_>>()?;
+        let block_ranges = (0..grid.n[2]).map(|z| blocks_with_air(domain, &params, z)).collect::<Result<_>>()?;
         let row_ends = RowEndLanes::list_of_plane(&grid, arch.dispatch(LaneCount))?;
         Ok(Self { grid, params, block_ranges, base_tau, sponge_tau, drag, drag_sponge, row_ends, arch })
     }
@@ -95,7 +95,7 @@ fn tau_without_z_sponge(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
 }
 
 /// Blocks of the plane `z` that contain air, as ranges of consecutive blocks with equal `variable_tau`.
-fn find_air_blocks(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<AirBlockRange>> {
+fn blocks_with_air(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<AirBlockRange>> {
     let grid = domain.grid;
     let in_sponge = params.sponge[1].get(z).is_some_and(|strength| *strength > 0.0);
     let mut ranges: Vec<AirBlockRange> = Vec::new();

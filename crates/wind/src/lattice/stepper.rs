@@ -29,8 +29,8 @@ use pulp::{Simd, WithSimd};
 use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotPlane, SnapshotTarget};
 use super::domain::Domain;
 use super::exchange::{
-    BoundaryExchange, BufferSlice, ExchangeBuffers, ExchangeLists, ExchangeOutput, IncomingPopulations, PlaneSlices,
-    split_at_ranges,
+    BoundaryExchange, BufferSlice, ExchangeBuffers, ExchangeLists, ExchangeOutput, IncomingPopulations,
+    PopulationPlanes, split_at_ranges,
 };
 use super::grid::{Populations, StepParity};
 use super::open_boundary::{GhostInputs, OpenBoundary, outlet_density};
@@ -164,12 +164,12 @@ impl StepContext<'_> {
         populations: &'a mut Populations,
         ranges: &[Range<usize>],
         margin: usize,
-    ) -> Vec<PlaneSlices<'a>> {
+    ) -> Vec<PopulationPlanes<'a>> {
         let stride = self.tables.grid.plane_stride;
         // The halo plane -1 is the first of an array.
         let ranges: Vec<_> = ranges.iter().map(|r| r.start + 1 - margin..r.end + 1 + margin).collect();
         let elements: Vec<_> = ranges.iter().map(|r| r.start * stride..r.end * stride).collect();
-        let slices = |r: &Range<usize>| PlaneSlices { arrays: Vec::with_capacity(Q), first_plane: r.start };
+        let slices = |r: &Range<usize>| PopulationPlanes { arrays: Vec::with_capacity(Q), first_plane: r.start };
         let mut planes: Vec<_> = ranges.iter().map(slices).collect();
         // Borrow disjoint planes of all fifteen arrays, so that threads need no locks.
         for array in populations.arrays_mut() {
@@ -354,7 +354,7 @@ impl WithSimd for GhostKernel<'_> {
 
 /// Planes of a thread with the buffers they fill.
 struct Chunk<'a> {
-    planes: PlaneSlices<'a>,
+    planes: PopulationPlanes<'a>,
     /// Square of the highest speed in the previous step, for each plane of `even_planes`.
     max_speed_squared: &'a mut [f32],
     /// Output of the even step; `None` if the pass has no even step.

@@ -85,7 +85,7 @@ pub(super) fn voxelize(grid: &LatticeGrid, cells: CellGeometry, solids: &[Solid]
     let planes = par::par_map(&planes, |z| {
         let mut plane = vec![false; grid.n[0] * grid.n[1]];
         for solid in solids {
-            let Some([columns, rows]) = cells.plane_range(grid, solid, 0.0, *z) else { continue };
+            let Some([columns, rows]) = cells.cells_within_bounds(grid, solid, 0.0, *z) else { continue };
             for y in rows {
                 for x in columns.clone() {
                     let cell = &mut plane[x + grid.n[0] * y];

@@ -133,7 +133,7 @@ impl FlightPlayback {
                 let twigs = canopy.positions(frame_time(-spin_up.frames.cast_signed(), params.fps))?;
                 canopy.draw_catkin_starts(keys.count, keys.ripening, scene.recipe.general.seed, &twigs)
             }
-            _ => (sky_and_point_releases(scene, &params), Vec::new()),
+            _ => (sky_or_point_starts(scene, &params), Vec::new()),
         };
         // The number of catkins need not be that of the key: a file of points gives as many as it has.
         let simulation = FlightSimulation::new(params.clone(), Arc::clone(&scene.solids), &starts);
@@ -581,7 +581,7 @@ fn frame_time(frame: i64, fps: f64) -> FrameTime {
 }
 
 /// Start and release condition of each catkin that starts in the sky or at given points; empty for releases from a canopy.
-fn sky_and_point_releases(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
+fn sky_or_point_starts(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
     let (flight, keys) = (scene.flight, &scene.flight.keys);
     let seed = scene.recipe.general.seed;
     let from_sky = |duration| {

@@ -167,14 +167,14 @@ fn drop_records(frame: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -
             a: narrow(d.radius),
             axis: (blade.orientation * d.axis).as_vec3(),
             thin: narrow(d.necking),
-            ..blank_record(number(&d.id), DropState::Hanging, d.volume)
+            ..base_record(number(&d.id), DropState::Hanging, d.volume)
         }
     }));
     records.extend(frame.airborne.iter().map(|d| DropRecord {
         position: d.p.as_vec3(),
         velocity: d.v.as_vec3(),
         a: narrow(sphere_diameter(d.volume) / 2.0),
-        ..blank_record(number(&d.id), DropState::Airborne, d.volume)
+        ..base_record(number(&d.id), DropState::Airborne, d.volume)
     }));
     records
 }
@@ -283,7 +283,7 @@ fn number_or_none(number: Option<u32>) -> i32 {
 }
 
 /// A record with 0 in all columns that only some states have.
-fn blank_record(id: u32, state: DropState, volume: f64) -> DropRecord {
+fn base_record(id: u32, state: DropState, volume: f64) -> DropRecord {
     DropRecord {
         id,
         state,
@@ -328,7 +328,7 @@ fn record_sessile_drop(frame: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: 
             q: narrow(q),
             s: narrow(s),
             axis: (blade.orientation * d.axis).as_vec3(),
-            ..blank_record(id, if k == 0 { head } else { DropState::Tail }, bead.volume)
+            ..base_record(id, if k == 0 { head } else { DropState::Tail }, bead.volume)
         });
     }
 }

@@ -266,7 +266,7 @@ pub(crate) fn add_rain(
     let Some(rain) = &recipe.rain else { return Ok(AddedRain::default()) };
     // This must precede the leaves with maps, which copy their materials.
     if rain.wet.film > 0.0 {
-        wet_film::wet_leaf_materials(narrow(rain.wet.film), &mut builder.materials, &mut builder.images);
+        wet_film::apply_film_to_leaf_materials(narrow(rain.wet.film), &mut builder.materials, &mut builder.images);
     }
     let transforms = layout.first_transforms();
     let plants: Vec<&Plant> = grown.iter().map(|g| &g.plant).collect();

@@ -149,7 +149,7 @@ pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], pictur
 /// two, at most `maps.resolution`.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, and clamped")]
 fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &ScreenScale) -> usize {
-    let pixels = leaf.surface.chart_span() * leaf.scale * picture.pixels_per_metre(leaf.position);
+    let pixels = leaf.surface.metres_per_chart_side() * leaf.scale * picture.pixels_per_metre(leaf.position);
     let wanted = (pixels * recipe.maps.texels_per_pixel).ceil() as usize;
     let largest = to_usize(recipe.maps.resolution);
     wanted.clamp(MIN_MAP_SIDE, largest).next_power_of_two().min(largest)

@@ -50,7 +50,7 @@ impl Film {
 
 /// Changes colour and roughness of the materials of all leaves, and their textures. `cover`: fraction of the leaves that the
 /// film covers, 0 to 1. `images`: textures of the scene; empty in an estimate, which reads none.
-pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images: &mut [Image]) {
+pub(super) fn apply_film_to_leaf_materials(cover: f32, materials: &mut [Material], images: &mut [Image]) {
     let film = Film::covering(MaterialClass::Leaf, cover);
     // Leaves may share textures, each of which is changed once.
     let (mut colors, mut roughnesses) = (BTreeSet::new(), BTreeSet::new());
@@ -186,7 +186,7 @@ mod tests {
         let leaf = Material { maps, ..Material::plain("leaf".into(), MaterialClass::Leaf, [0.5; 3], 0.6) };
         // Two leaves that share a texture change it only once.
         let mut materials = [leaf.clone(), leaf, Material::plain("bark".into(), MaterialClass::Bark, [0.5; 3], 0.6)];
-        wet_leaf_materials(1.0, &mut materials, &mut images);
+        apply_film_to_leaf_materials(1.0, &mut materials, &mut images);
         let near = |a: f32, b: f32| (a - b).abs() < 1e-6;
         assert!(near(materials[1].roughness, FILM_ROUGHNESS) && near(materials[2].roughness, 0.6));
         assert!(near(materials[0].base_color[0], 0.5 * Coat::WET_ALBEDO) && near(materials[2].base_color[0], 0.5));

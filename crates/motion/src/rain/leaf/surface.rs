@@ -179,7 +179,7 @@ impl LeafSurface {
 
     /// Length on the blade that one side of the square of chart coordinates spans at scale 1, m: the larger of the means of |dp/du| and
     /// |dp/dv| over the chart.
-    pub fn chart_span(&self) -> f64 {
+    pub fn metres_per_chart_side(&self) -> f64 {
         let (mut along, mut total) = ([0.0; 2], 0.0);
         for (t, [dpdu, dpdv]) in self.triangles.iter().zip(&self.partials) {
             let [a, b, c] = t.map(|i| self.uvs[i as usize]);

@@ -114,7 +114,7 @@ impl RodPlant {
             // The blade is a rigid body on the section, with its mass at its centroid.
             if let Some(section) = section {
                 let r = glam::DMat3::from_quat(q);
-                let inertia = r * blade.inertia(leaf_mass, attachment.scale) * r.transpose();
+                let inertia = r * blade.inertia_about_centroid(leaf_mass, attachment.scale) * r.transpose();
                 let at = p + q * (blade.centroid * attachment.scale);
                 let mass = leaf_mass * blade.area * attachment.scale * attachment.scale;
                 own.push(AttachedBody { section, at, mass, inertia, of_plant: true, reach: 0.0 });
@@ -220,8 +220,8 @@ impl RodPlant {
             let speed = PEAK_WIND * f64::from(wind.mean_at(leaf.now.position.as_vec3()).length());
             // The normal force rho/2 C A u^2 2 sin(a) acts at the centroid; the blade turns about its foot (Steiner).
             let arm = blade.centroid.length() * scale;
-            let inertia =
-                blade.inertia(self.leaf_mass, scale).x_axis.x + self.leaf_mass * blade.area * scale * scale * arm * arm;
+            let inertia = blade.inertia_about_centroid(self.leaf_mass, scale).x_axis.x
+                + self.leaf_mass * blade.area * scale * scale * arm * arm;
             let torque = AIR_DENSITY * self.leaf_drag * blade.facing * scale * scale * speed * speed * arm;
             if inertia > 0.0 { torque / inertia } else { 0.0 }
         };
@@ -409,7 +409,7 @@ impl RodPlant {
     }
 
     /// Advances by `h` seconds from time `t`, s, in `n` equal substeps.
-    fn split_step(&mut self, t: f64, h: f64, n: u32) -> std::result::Result<(), StepFailed> {
+    fn advance_in_substeps(&mut self, t: f64, h: f64, n: u32) -> std::result::Result<(), StepFailed> {
         let h = h / f64::from(n);
         for k in 0..n {
             self.apply_external_forces(t + f64::from(k) * h, h, k == 0);
@@ -516,7 +516,7 @@ impl RainPlant for RodPlant {
                 self.rods.restore(&saved);
                 self.leaves.iter_mut().zip(&eddies).for_each(|(leaf, eddies)| leaf.eddies = *eddies);
             }
-            if self.split_step(t, h, 1 << halving).is_ok() {
+            if self.advance_in_substeps(t, h, 1 << halving).is_ok() {
                 // The next step is whole again and cannot use the history of its parts.
                 if halving > 0 {
                     self.rods.reset_history();

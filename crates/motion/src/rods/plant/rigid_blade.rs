@@ -61,7 +61,7 @@ impl RigidBlade {
     }
 
     /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: factor on the size of the leaf.
-    pub fn inertia(&self, density: f64, scale: f64) -> DMat3 {
+    pub fn inertia_about_centroid(&self, density: f64, scale: f64) -> DMat3 {
         let s2 = scale * scale;
         self.inertia * (density * s2 * s2)
     }
@@ -147,7 +147,7 @@ mod tests {
         let blade = RigidBlade::from_mesh(&plate());
         assert!((blade.area - 0.004).abs() < 1e-9 && (blade.centroid - DVec3::Y * 0.05).length() < 1e-8);
         let m = 0.2 * blade.area * 4.0;
-        let i = blade.inertia(0.2, 2.0);
+        let i = blade.inertia_about_centroid(0.2, 2.0);
         let [w2, l2] = [0.08 * 0.08, 0.2 * 0.2];
         for (got, wanted) in
             [(i.x_axis.x, m * l2 / 12.0), (i.y_axis.y, m * w2 / 12.0), (i.z_axis.z, m * (l2 + w2) / 12.0)]
@@ -165,7 +165,7 @@ mod tests {
         let [one, both] = [&open, &closed].map(RigidBlade::from_mesh);
         assert!((both.area / one.area - 1.0).abs() < 1e-9 && (both.facing / one.facing - 1.0).abs() < 1e-9);
         assert!((both.centroid - one.centroid).length() < 1e-9);
-        let [a, b] = [one, both].map(|blade| blade.inertia(0.2, 1.0));
+        let [a, b] = [one, both].map(|blade| blade.inertia_about_centroid(0.2, 1.0));
         assert!((a.x_axis - b.x_axis).length() < 1e-12 && (a.y_axis - b.y_axis).length() < 1e-12);
         assert!((0..2).all(|k| (both.extent[k] / one.extent[k] - 1.0).abs() < 1e-9));
     }

@@ -303,7 +303,7 @@ fn a_repeated_step_starts_from_the_state_before_it() {
     failing.step(t, h).expect("its halves succeed");
     let mut halved = moving();
     halved.rods.reset_history();
-    halved.split_step(t, h, 2).expect("steps");
+    halved.advance_in_substeps(t, h, 2).expect("steps");
     halved.rods.reset_history();
     halved.update_leaf_motion(Some(h));
     // That the whole step fails shows in the difference from a plant that takes it.

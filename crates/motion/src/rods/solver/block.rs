@@ -37,18 +37,22 @@ impl BlockRow {
 }
 
 /// Index of the preceding section and of the one before that, or [`NONE`]; both are lower than that of the section.
-pub(crate) type PredecessorPair = [u32; 2];
+pub(crate) type PrecedingSections = [u32; 2];
 
 /// Solves a symmetric positive definite system in place and writes the solution to `out`; false if a pivot was not positive. The
 /// second predecessor of a section, if there is one, must be the first predecessor of its first, so that no fill-in occurs.
 /// Own: block Cholesky in elimination-tree order; a section is coupled to two others only.
-pub(crate) fn solve_block_system(rows: &mut [BlockRow], predecessors: &[PredecessorPair], out: &mut [Vector9]) -> bool {
+pub(crate) fn solve_block_system(
+    rows: &mut [BlockRow],
+    predecessors: &[PrecedingSections],
+    out: &mut [Vector9],
+) -> bool {
     Arch::new().dispatch(BlockSolveKernel { rows, predecessors, out })
 }
 
 struct BlockSolveKernel<'a> {
     rows: &'a mut [BlockRow],
-    predecessors: &'a [PredecessorPair],
+    predecessors: &'a [PrecedingSections],
     out: &'a mut [Vector9],
 }
 
@@ -173,7 +177,7 @@ mod tests {
     /// A chain of five sections with a branch of three at the third: A = B^T B + 1 with the block pattern of rods.
     #[test]
     fn branched_block_system_is_solved_exactly() {
-        let predecessors: Vec<PredecessorPair> =
+        let predecessors: Vec<PrecedingSections> =
             vec![[NONE, NONE], [0, NONE], [1, 0], [2, 1], [3, 2], [2, NONE], [5, 2], [6, 5]];
         let n = predecessors.len();
         let mut draw = osier_base::rng::Rng::at(3, &["blocks".into()]);

@@ -91,7 +91,11 @@ impl RodSystem {
             let (all, own) = (self.apply_mass(i, &all, false), self.apply_mass(i, &own, true));
             let right = std::array::from_fn(|k| all[k] + own[k] + self.step.force[i][k] + self.step.load[i][k]);
             // Diagonal block: M / ht^2 + M_own [a / ht + k (1 + b / ht)], the derivative of the right-hand side above.
-            self.add_mass_to_block(i, inverse * inverse, m.mass * inverse + back * (1.0 + m.stiffness * inverse));
+            self.add_section_mass_to_block(
+                i,
+                inverse * inverse,
+                m.mass * inverse + back * (1.0 + m.stiffness * inverse),
+            );
             self.step.rows[i].set_right_hand_side(&right);
         }
         self.add_clamp_penalties_to_rows();

@@ -44,7 +44,7 @@ impl RodSystem {
             let displacement = self.mass_times_rest_offset(i);
             let right = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * displacement[k]);
             // Regularization: a very small mass keeps mechanisms, such as a rod on a slack thread, from being singular.
-            self.add_mass_to_block(i, 1e-6, back);
+            self.add_section_mass_to_block(i, 1e-6, back);
             self.step.rows[i].set_right_hand_side(&right);
         }
         self.add_clamp_penalties_to_rows();

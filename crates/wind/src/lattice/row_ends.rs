@@ -36,12 +36,12 @@ pub(super) struct RowEndLanes {
 
 /// Populations that arrive at the ends of a plane's rows: by end, direction and row.
 #[derive(Debug)]
-pub(super) struct RowHalo {
+pub(super) struct RowEndPopulations {
     rows: usize,
     populations: Vec<f32>,
 }
 
-impl RowHalo {
+impl RowEndPopulations {
     pub(super) fn new(grid: &LatticeGrid) -> Self {
         Self { rows: grid.n[1], populations: vec![0.0; 2 * INCOMING_COUNT * grid.n[1]] }
     }
