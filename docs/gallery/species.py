@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Makes the pictures of docs/gallery/species.md again: docs/gallery/species.py [NAME...]. Needs pillow; OSIER names the program.
 
-A picture has three parts: the tree at six ages, to one scale; three individuals; a look from near. Ten to thirty seconds a species.
+A picture has four parts: the tree at six ages, to one scale; three individuals; a look from near; the tree in four seasons, unless
+it is evergreen. Ten to forty seconds a species.
 """
 
 import os
@@ -14,11 +15,15 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[2]
 OSIER = os.environ.get("OSIER", str(ROOT / "target/release/osier"))
 WORK = ROOT / "out/gallery-species"
-# Size of a panel in pixels, and the quality of the JPEG that keeps a picture below 120 kB.
+# Size of a panel in pixels, columns of the seasons, and the quality of the JPEG that keeps a picture below 160 kB.
 PANEL = "176x214"
-MOST_BYTES = 118_000
+SEASON = "269x270"
+MOST_BYTES = 158_000
 
 LONG, SHORT = "5,10,20,40,60,90", "3,5,8,12,20,35"
+# Times of the growing year: unfolding, autumn, the fall of leaves, winter.
+SEASONS = "0.1,0.72,0.9,1"
+EVERGREEN = {"acacia", "spruce", "pine", "cypress", "thuja"}
 # Scene: ages, and the camera near the crown as eye and target, m.
 SPECIES = {
     "oak-grown": (LONG, (10.5, 4.0, 3.5, 7.0, 5.5, 0.5)),
@@ -63,10 +68,16 @@ def make(name):
     near.write_text(f"{text}\n[camera]\neye = [{eye}]\ntarget = [{target}]\nvfov_deg = 32\n")
     size = (ages.width - seeds.width, seeds.height)
     close = draw(near, f"{name}-near", "--size", f"{size[0]}x{size[1]}", "--seed", "2", "--view", "scene")
-    sheet = Image.new("RGB", (ages.width, ages.height + seeds.height), "white")
+    rows = [ages, seeds]
+    if name not in EVERGREEN:
+        # Seasons of the tree of the first row at the age of its scene.
+        rows.append(draw(scene, f"{name}-seasons", "--size", SEASON, "--seed", "2", "--sweep", f"season={SEASONS}", "--columns", "4"))
+    sheet = Image.new("RGB", (ages.width, sum(row.height for row in rows)), "white")
     sheet.paste(ages, (0, 0))
     sheet.paste(seeds, (0, ages.height))
     sheet.paste(close, (seeds.width, ages.height))
+    for row in rows[2:]:
+        sheet.paste(row, (0, ages.height + seeds.height))
     out = ROOT / f"docs/gallery/species-{name.removesuffix('-grown')}.jpg"
     for quality in range(86, 40, -4):
         sheet.save(out, quality=quality, optimize=True)

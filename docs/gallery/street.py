@@ -1,6 +1,6 @@
 """Draws street-landings.png from the maps of the sweep of street.md (needs numpy, OpenEXR, pillow):
 
-    cargo run --release -- bake catkins-street-plan --sweep solid.0.size.1=0.05,1,2,3,4 --seeds 0-4
+    cargo run --release -- bake catkins-street-plan --sweep solid.0.size.1=0.05,1,2,3,4 --seeds 0-7
     python3 docs/gallery/street.py out/catkins_street_plan-sweep docs/gallery/street-landings.png
 """
 
