@@ -89,7 +89,7 @@ impl<'a> Obstacles<'a> {
 
     /// The land above which heights in the wind are measured; `None` if its heights differ by less than [`LEAST_HILL`] from each
     /// other and from y = 0.
-    pub fn ground_heights_for_wind(&self, recipe: &Recipe) -> Option<Arc<LandForm>> {
+    pub fn wind_height_datum(&self, recipe: &Recipe) -> Option<Arc<LandForm>> {
         // The sampled square is centred on the origin: it must hold the ground's square wherever that lies.
         let center = if let GroundSurface::Waves(_, center) = self.surface { center.abs().max_element() } else { 0.0 };
         let land = self.terrain_within(narrow(recipe.ground.size) + 2.0 * center)?;

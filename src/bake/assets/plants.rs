@@ -131,7 +131,7 @@ pub(crate) fn grow_plants(
     let individuals: Vec<_> = layout.individuals.iter().zip(transforms).zip(&trees).collect();
     let grown = par_map(&individuals, |((individual, transform), tree)| {
         context.cancel.check()?;
-        let (plant, set) = plant_and_entry(recipe, sets, individual)?;
+        let (plant, set) = plant_and_parallel_item(recipe, sets, individual)?;
         let site = GrowthSite { solids: &solids, transform: *transform, tree: tree.as_ref(), frames };
         let grown = grow_plant(plant, individual, set, site, context);
         context.progress.advance(1);
@@ -191,7 +191,7 @@ fn growth_solids(recipe: &Recipe, terrain: Option<&Terrain>) -> Result<Vec<Solid
 }
 
 /// The recipe of an individual's plant, and the element that belongs to it in a list parallel to the recipe's plants.
-fn plant_and_entry<'a, T>(
+fn plant_and_parallel_item<'a, T>(
     recipe: &'a Recipe,
     list: &'a [T],
     individual: &Individual,
@@ -217,7 +217,7 @@ pub(crate) fn add_plant_assets(
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
     let transforms = layout.first_transforms();
     let built = par_map(&jobs, |(i, individual, grown)| {
-        let (plant, materials) = plant_and_entry(recipe, materials, individual)?;
+        let (plant, materials) = plant_and_parallel_item(recipe, materials, individual)?;
         let transform = transforms.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let built = build_plant(recipe, plant, wind, grown, materials, individual, transform, context);
         let built = built.and_then(|built| match needs_rig(recipe, plant, grown) {

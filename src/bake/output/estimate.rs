@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
-use crate::bake::output::memory::{CarriedParts, predict_memory};
+use crate::bake::output::memory::{AnimatedCounts, predict_memory};
 use crate::bake::output::texture_bytes::{half_float_heights, png_bytes};
 use crate::bake::output::texture_size::texture_halvings;
 use crate::bake::scene::animated::AnimatedScene;
@@ -103,7 +103,7 @@ pub(crate) fn estimate_formats(
         |motion: &Option<Arc<dyn AssetMotion>>| motion.as_ref().is_some_and(|motion| motion.keeps_year_record());
     let years =
         || assets.iter().zip(&stage.motions).filter(|(_, motion)| keeps_year_record(motion)).map(|(asset, _)| asset);
-    let carried = CarriedParts {
+    let carried = AnimatedCounts {
         posed_vertices: posed.map(|(asset, _)| asset.weight * asset.deforming_vertices).sum(),
         growing_elements: years().map(|asset| asset.weight * (asset.vertices + asset.triangles)).sum(),
         growing_leaves: years().map(|asset| asset.weight * asset.instances).sum(),

@@ -61,7 +61,7 @@ const SCALAR_VOXEL_BYTES: u64 = 600;
 
 /// Parts of a scene that take memory beside their meshes and instances.
 #[derive(Debug, Clone, Copy)]
-pub struct CarriedParts {
+pub struct AnimatedCounts {
     /// Vertices that frames carry, without those of growing plants.
     pub posed_vertices: u64,
     /// Vertices and triangles of the bark of trees that grow over the clip year by year.
@@ -78,7 +78,7 @@ pub fn predict_memory(
     formats: &[&FormatInfo],
     recipe: &Recipe,
     counts: &BakeEstimate,
-    carried: CarriedParts,
+    carried: AnimatedCounts,
 ) -> Vec<(&'static str, u64)> {
     let texels: u64 = scene.map_sequences.iter().map(|s| s.texels() as u64).sum();
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);

@@ -207,7 +207,7 @@ fn assemble(
 
     // The wind, which all of the following parts share.
     let needs = WindNeeds::of_scene(full.unwrap_or(recipe), &layout, &grown);
-    let surroundings = WindSurroundings { solids: &solids, land: obstacles.ground_heights_for_wind(recipe) };
+    let surroundings = WindSurroundings { solids: &solids, land: obstacles.wind_height_datum(recipe) };
     let scene_wind = Arc::new(SceneWind::new(recipe, full, &needs, &surroundings, observer, context, &mut report)?);
     let wind = PlantWind::new(recipe, &scene_wind);
     let wind = if estimating { wind.map(PlantWind::for_estimate) } else { wind };

@@ -106,7 +106,7 @@ fn define_stem(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, plant: &As
 
 /// Defines a `SkelRoot` with the extent of `bounds`; returns the attribute of the extent, which `define_animation` takes.
 fn define_skel_root(layer: &mut LayerBuilder, path: &str, bounds: Bounds) -> Result<AttrHandle> {
-    layer.define_prim(path, "SkelRoot")?;
+    layer.define_plain_prim(path, "SkelRoot")?;
     let corners = extent_corners(&bounds);
     layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&corners).into())
 }
@@ -180,9 +180,9 @@ fn define_parts(
     let prototypes: Vec<String> =
         (0..instancer.prototypes.len()).map(|i| format!("{path}/Prototypes/p{i:03}")).collect();
     layer.writer.create_relationship(&format!("{path}.prototypes"), &prototypes)?;
-    layer.define_prim(&format!("{path}/Prototypes"), "Scope")?;
+    layer.define_plain_prim(&format!("{path}/Prototypes"), "Scope")?;
     for (prototype, path) in instancer.prototypes.iter().zip(&prototypes) {
-        layer.define_prim(path, "Xform")?;
+        layer.define_plain_prim(path, "Xform")?;
         define_part(cx, layer, root, &format!("{path}/part"), &prototype.mesh)?;
     }
     Ok(())

@@ -31,7 +31,7 @@ impl PetioleNod {
     /// A blade at rest. `leaf_mass`: kg/m^2; `scale`: factor on the size of the blade.
     pub fn new(blade: &RigidBlade, leaf_mass: f64, scale: f64, damping_ratio: f64) -> Self {
         // Inertia about the end of the petiole: that about the centroid plus that of the mass at the centroid (Steiner).
-        let own = blade.inertia(leaf_mass, scale);
+        let own = blade.inertia_about_centroid(leaf_mass, scale);
         let mass = leaf_mass * blade.area * scale * scale;
         let inertia =
             DVec3::new(own.x_axis.x, own.y_axis.y, own.z_axis.z) + point_inertia(mass, blade.centroid * scale);
