@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::periodic_noise::{CellularNoise, FractalNoise, pixel_centres};
+use super::periodic_noise::{CellularNoise, FractalNoise, NearestFeature, pixel_centres};
 use super::pixels::MaterialTexel;
 use super::{SurfaceMaterial, pixels};
 use osier_base::math::{self, smoothstep};
@@ -191,9 +191,23 @@ pub fn ground_material(colors: &GroundColors, name: &str, side: u32, tile: f32, 
         let y = 1.0 - (y as f32 + 0.5) / n;
         let [meadow, tint, clod, cover] =
             [&tables.meadow, &tables.tint, &tables.clod, &tables.cover].map(|noise| noise.row(&xs, y));
-        let unwarped =
-            |i: usize| GroundNoiseSample { meadow: meadow[i], tint: tint[i], clod: clod[i], cover: cover[i] };
-        xs.iter().enumerate().map(|(i, x)| sample(colors, &tables, [*x, y], &unwarped(i))).collect()
+        // Three layers of streaks are the grass blades; the clods warp them, otherwise they would look woven.
+        let warped = |(i, x): (usize, &f32)| [x + 0.03 * clod[i], y + 0.03 * tint[i] - 0.02 * clod[i]];
+        let along: Vec<[f32; 2]> = xs.iter().enumerate().map(warped).collect();
+        let across: Vec<[f32; 2]> = along.iter().map(|[x, y]| [*y, *x]).collect();
+        let [a, b, c] = &tables.blades;
+        let blades = [a.at_places(&along), b.at_places(&across), c.at_places(&along)];
+        let places: Vec<[f32; 2]> = xs.iter().map(|x| [*x, y]).collect();
+        let litter = tables.litter.at_places(&places);
+        let values = |i: usize| GroundNoiseSample {
+            meadow: meadow[i],
+            tint: tint[i],
+            clod: clod[i],
+            cover: cover[i],
+            blades: blades.each_ref().map(|blade| blade[i]),
+            litter: litter[i],
+        };
+        places.iter().enumerate().map(|(i, place)| sample(colors, &tables, *place, &values(i))).collect()
     }));
     let step = RELIEF / (tile.max(0.01) / n);
     let images = pixels::surface_images(name, side, &texels, [step, step], true);
@@ -253,23 +267,23 @@ fn with_haze(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
     color.lerp(Vec3::from_array(air), share)
 }
 
-/// Values of the noises that are evaluated at the texel itself, without the warp of the clods.
+/// Values of the noises of a texel.
 struct GroundNoiseSample {
     meadow: f32,
     tint: f32,
     clod: f32,
     cover: f32,
+    /// Layers of streaks, at the places to which the clods warp the texel.
+    blades: [f32; 3],
+    litter: NearestFeature,
 }
 
 /// Colour, height and roughness of the texel at (x, y) of the unit square.
-fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], unwarped: &GroundNoiseSample) -> MaterialTexel {
-    let GroundNoiseSample { meadow, tint, clod, .. } = *unwarped;
+fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], noise: &GroundNoiseSample) -> MaterialTexel {
+    let GroundNoiseSample { meadow, tint, clod, cover, blades: [a, b, c], litter: near } = *noise;
     // Grass grows where the cover noise exceeds a threshold, with a soft, uneven border.
-    let bare = unwarped.cover + 0.25 * clod + 0.3 * meadow;
+    let bare = cover + 0.25 * clod + 0.3 * meadow;
     let cover = smoothstep(-0.18, 0.18, bare + (colors.cover - 0.5));
-    // Three layers of streaks are the grass blades; the clods warp them, otherwise they would look woven.
-    let (bx, by) = (x + 0.03 * clod, y + 0.03 * tint - 0.02 * clod);
-    let [a, b, c] = [t.blades[0].at(bx, by), t.blades[1].at(by, bx), t.blades[2].at(bx, by)];
     let blade = (0.5 + 0.55 * a.max(b).max(0.7 * c)).clamp(0.0, 1.0);
     let [soil, green] = [colors.soil, colors.green].map(|c| c.map(Vec3::from_array));
     // Albedo of bare soil by clods, of grass by blade brightness, mixed by the cover.
@@ -281,7 +295,6 @@ fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], unwarped: &G
     let mut height = 0.35 + 0.22 * clod + cover * (0.30 * blade - 0.05);
 
     // Litter: in every fourth cell an ellipse at a random angle with a darker rib, a fallen leaf.
-    let near = t.litter.at(x, y);
     let (sin, cos) = t.turns[usize::from((near.id >> 20).to_le_bytes()[0])];
     let [fx, fy] = near.from;
     let (along, across) = (fx * cos + fy * sin, fy * cos - fx * sin);

@@ -1,7 +1,15 @@
 //! The noise of [`osier_base::noise`] with its hashes in tables, for maps of a million samples: the same values, faster.
+//!
+//! Samples at scattered places are computed in batches of [`BATCH`]: the table entries of a batch are copied into arrays,
+//! one for each component, over which the compiler vectorizes the arithmetic.
+
+use pulp::{Arch, Simd, WithSimd};
 
 use osier_base::math;
 use osier_base::rng::mix64;
+
+/// Number of samples that are computed together: two registers of AVX-512.
+const BATCH: usize = 32;
 
 /// Gradient noise on a periodic lattice; values of [`osier_base::noise::gradient2`].
 struct GradientNoise {
@@ -21,22 +29,35 @@ impl GradientNoise {
         Self { table: (0..nx * ny).map(corner).collect(), period: [nx as usize, ny as usize] }
     }
 
-    /// Value at `p`, in cells of the lattice.
-    fn at(&self, p: [f32; 2]) -> f32 {
-        let ([x0, x1], fx) = cell(p[0], self.period[0]);
-        let ([y0, y1], fy) = cell(p[1], self.period[1]);
+    /// Adds the values at the places (x, y) of a batch to `sums`, times `weight`; the unit square is one period.
+    #[inline(always)]
+    fn add_batch(&self, x: &[f32; BATCH], y: &[f32; BATCH], weight: f32, sums: &mut [f32; BATCH]) {
+        let [nx, ny] = self.period;
+        // Gradients at the corners (x0, y0), (x1, y0), (x0, y1), (x1, y1) of the lattice cells.
+        let mut gradients = [[[0.0; BATCH]; 2]; 4];
+        let columns = CellBatch::new(x, nx);
+        let rows = CellBatch::new(y, ny);
+        for k in 0..BATCH {
+            let [low, high] = [rows.low[k], rows.high[k]].map(|row| &self.table[row as usize * nx..][..nx]);
+            let [left, right] = [columns.low[k] as usize, columns.high[k] as usize];
+            for (gradient, g) in gradients.iter_mut().zip([low[left], low[right], high[left], high[right]]) {
+                (gradient[0][k], gradient[1][k]) = (g[0], g[1]);
+            }
+        }
+        let (fx, fy) = (&columns.place, &rows.place);
         // Dot products of the corner gradients with the offsets, blended by the quintic fade.
-        let slope = |x: usize, y: usize, dx: f32, dy: f32| {
-            let g = self.table[y * self.period[0] + x];
-            g[0] * dx + g[1] * dy
-        };
-        let (u, v) = (fade(fx), fade(fy));
-        let low = math::lerp(slope(x0, y0, fx, fy), slope(x1, y0, fx - 1.0, fy), u);
-        let high = math::lerp(slope(x0, y1, fx, fy - 1.0), slope(x1, y1, fx - 1.0, fy - 1.0), u);
-        math::lerp(low, high, v) * std::f32::consts::SQRT_2
+        let [g00, g10, g01, g11] = &gradients;
+        for k in 0..BATCH {
+            let slope = |g: &[[f32; BATCH]; 2], dx: f32, dy: f32| g[0][k] * dx + g[1][k] * dy;
+            let (u, v) = (fade(fx[k]), fade(fy[k]));
+            let low = blend(slope(g00, fx[k], fy[k]), slope(g10, fx[k] - 1.0, fy[k]), u);
+            let high = blend(slope(g01, fx[k], fy[k] - 1.0), slope(g11, fx[k] - 1.0, fy[k] - 1.0), u);
+            sums[k] += weight * (blend(low, high, v) * std::f32::consts::SQRT_2);
+        }
     }
 
     /// Adds the values along a row to `out`, times `weight`; places are `xs` periods across, ascending, and `y` cells up.
+    #[inline(always)]
     fn add_row(&self, xs: &[f32], y: f32, weight: f32, out: &mut [f32]) {
         let n = self.period[0];
         let cells = n as f32;
@@ -72,6 +93,7 @@ impl GradientNoise {
 }
 
 /// The lattice columns on both sides of `x`, wrapped, and the position between them, 0 to 1.
+#[inline(always)]
 fn cell(x: f32, period: usize) -> ([usize; 2], f32) {
     let (column, place) = split(x);
     let i = wrap(column, period);
@@ -79,7 +101,40 @@ fn cell(x: f32, period: usize) -> ([usize; 2], f32) {
     ([i, j], place)
 }
 
+/// [`cell`] of each number of a batch, after it is multiplied by the period.
+struct CellBatch {
+    low: [i32; BATCH],
+    high: [i32; BATCH],
+    place: [f32; BATCH],
+}
+
+impl CellBatch {
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "periods fit")]
+    fn new(x: &[f32; BATCH], period: usize) -> Self {
+        let (n, cells) = (period as i32, period as f32);
+        let mut out = Self { low: [0; BATCH], high: [0; BATCH], place: [0.0; BATCH] };
+        // One period beyond 0..n is reached by an addition, which vectorizes.
+        let mut within = true;
+        for k in 0..BATCH {
+            let (column, place) = split(x[k] * cells);
+            let near = if column < 0 { column.wrapping_add(n) } else { column };
+            let near = if near >= n { near - n } else { near };
+            within &= near >= 0 && near < n;
+            (out.low[k], out.place[k]) = (near, place);
+        }
+        if !within {
+            out.low = out.low.map(|column| column.rem_euclid(n));
+        }
+        for k in 0..BATCH {
+            out.high[k] = if out.low[k] + 1 == n { 0 } else { out.low[k] + 1 };
+        }
+        out
+    }
+}
+
 /// The number rounded down, and the rest.
+#[inline(always)]
 #[allow(clippy::cast_possible_truncation, reason = "a map has a few thousand cells; beyond, the cast saturates")]
 fn split(x: f32) -> (i32, f32) {
     // A cast and a comparison, because `floor` is a function call on instruction sets without rounding.
@@ -89,6 +144,7 @@ fn split(x: f32) -> (i32, f32) {
 }
 
 /// The column in 0..period that is congruent to `column`.
+#[inline(always)]
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -102,7 +158,14 @@ fn wrap(column: i32, period: usize) -> usize {
     if (0..n).contains(&near) { near as usize } else { column.rem_euclid(n) as usize }
 }
 
+/// [`math::lerp`], compiled with the instructions of the function that calls it.
+#[inline(always)]
+fn blend(a: f32, b: f32, t: f32) -> f32 {
+    a * (1.0 - t) + b * t
+}
+
 /// Quintic fade 6 t^5 - 15 t^4 + 10 t^3, whose first and second derivatives vanish at 0 and 1.
+#[inline(always)]
 fn fade(t: f32) -> f32 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }
@@ -120,27 +183,83 @@ impl FractalNoise {
         Self { octaves: (0..octaves).map(octave).collect() }
     }
 
-    /// Weighted mean of the octaves at (x, y); the unit square is one period.
-    pub fn at(&self, x: f32, y: f32) -> f32 {
-        let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
-        for o in &self.octaves {
-            sum += weight * o.at([x * o.period[0] as f32, y * o.period[1] as f32]);
+    /// Weighted means of the octaves at some places (x, y); the unit square is one period.
+    pub fn at_places(&self, places: &[[f32; 2]]) -> Vec<f32> {
+        let mut out = vec![0.0; places.len()];
+        Arch::new().dispatch(FractalKernel { octaves: &self.octaves, places, out: &mut out });
+        out
+    }
+
+    /// Values at (x, y) for all x of `xs`, which ascend: [`FractalNoise::at_places`] except for rounding, several times faster.
+    pub fn row(&self, xs: &[f32], y: f32) -> Vec<f32> {
+        let mut out = vec![0.0; xs.len()];
+        Arch::new().dispatch(RowKernel { octaves: &self.octaves, xs, y, out: &mut out });
+        out
+    }
+}
+
+/// Computes [`FractalNoise::row`].
+struct RowKernel<'a> {
+    octaves: &'a [GradientNoise],
+    xs: &'a [f32],
+    y: f32,
+    out: &'a mut [f32],
+}
+
+impl WithSimd for RowKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let (mut total, mut weight) = (0.0, 1.0);
+        for _ in self.octaves {
             total += weight;
             weight *= 0.5;
         }
-        sum / total
-    }
-
-    /// Values at (x, y) for all x of `xs`, which ascend: [`FractalNoise::at`] except for rounding, several times faster.
-    pub fn row(&self, xs: &[f32], y: f32) -> Vec<f32> {
-        let mut out = vec![0.0; xs.len()];
-        let octaves = || self.octaves.iter().zip(std::iter::successors(Some(1.0_f32), |w| Some(w * 0.5)));
-        let total = octaves().fold(0.0, |sum, (_, weight)| sum + weight);
-        for (o, weight) in octaves() {
-            o.add_row(xs, y * o.period[1] as f32, weight / total, &mut out);
+        weight = 1.0;
+        for octave in self.octaves {
+            octave.add_row(self.xs, self.y * octave.period[1] as f32, weight / total, self.out);
+            weight *= 0.5;
         }
-        out
     }
+}
+
+/// Computes [`FractalNoise::at_places`] batch by batch.
+struct FractalKernel<'a> {
+    octaves: &'a [GradientNoise],
+    places: &'a [[f32; 2]],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for FractalKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (places, out) in self.places.chunks(BATCH).zip(self.out.chunks_mut(BATCH)) {
+            let [x, y] = columns_of(places);
+            let mut sums = [0.0; BATCH];
+            let (mut weight, mut total) = (1.0, 0.0);
+            for octave in self.octaves {
+                octave.add_batch(&x, &y, weight, &mut sums);
+                total += weight;
+                weight *= 0.5;
+            }
+            for (out, sum) in out.iter_mut().zip(&sums) {
+                *out = sum / total;
+            }
+        }
+    }
+}
+
+/// Coordinates x and y of at most [`BATCH`] places; 0 behind the last one.
+#[inline(always)]
+fn columns_of(places: &[[f32; 2]]) -> [[f32; BATCH]; 2] {
+    let mut out = [[0.0; BATCH]; 2];
+    for (k, place) in places.iter().enumerate().take(BATCH) {
+        (out[0][k], out[1][k]) = (place[0], place[1]);
+    }
+    out
 }
 
 /// Centres of `side` pixels on the unit interval.
@@ -149,7 +268,7 @@ pub(super) fn pixel_centres(side: u32) -> Vec<f32> {
 }
 
 /// Result of [`CellularNoise`]: distances in cells to the two nearest feature points, offset from the nearest, its hash.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct NearestFeature {
     pub f1: f32,
     pub f2: f32,
@@ -160,7 +279,9 @@ pub(super) struct NearestFeature {
 
 /// Cellular noise on the unit square; values of [`osier_base::noise::cellular2`].
 pub(super) struct CellularNoise {
-    table: Vec<([f32; 2], u64)>,
+    /// Feature point of each cell, relative to the corner of the cell, and its hash.
+    points: Vec<[f32; 2]>,
+    ids: Vec<u64>,
     period: [usize; 2],
 }
 
@@ -172,31 +293,83 @@ impl CellularNoise {
             let part = |bits: u64| 0.5 + jitter * ((bits & 0xFF_FFFF) as f32 / 16_777_216.0 - 0.5);
             ([part(h >> 40), part(h >> 16)], h)
         };
-        Self { table: (0..nx * ny).map(feature).collect(), period: [nx as usize, ny as usize] }
+        let (points, ids) = (0..nx * ny).map(feature).unzip();
+        Self { points, ids, period: [nx as usize, ny as usize] }
     }
 
-    /// The nearest feature points to (x, y); the unit square is one period. Only the 3 x 3 cells around are searched.
-    pub fn at(&self, x: f32, y: f32) -> NearestFeature {
-        let ([x0, x1], fx) = cell(x * self.period[0] as f32, self.period[0]);
-        let ([y0, y1], fy) = cell(y * self.period[1] as f32, self.period[1]);
-        let before = |i: usize, n: usize| if i == 0 { n - 1 } else { i - 1 };
-        let columns = [(before(x0, self.period[0]), -1.0), (x0, 0.0), (x1, 1.0)];
-        let rows = [(before(y0, self.period[1]), -1.0), (y0, 0.0), (y1, 1.0)];
-        // Selections instead of branches, which would be mispredicted: which point is nearest is random.
-        let (mut first, mut second, mut nearest) = (f32::MAX, f32::MAX, ([0.0; 2], 0));
-        for (row, dy) in rows {
-            let row = &self.table[row * self.period[0]..][..self.period[0]];
-            for (column, dx) in columns {
-                let (p, id) = row[column];
-                let (ox, oy) = (p[0] + dx - fx, p[1] + dy - fy);
-                let d = ox * ox + oy * oy;
-                let closer = d < first;
-                second = if closer { first } else { second.min(d) };
-                first = if closer { d } else { first };
-                nearest = if closer { ([-ox, -oy], id) } else { nearest };
+    /// The nearest feature points to some places (x, y); the unit square is one period. Only the 3 x 3 cells around are
+    /// searched.
+    pub fn at_places(&self, places: &[[f32; 2]]) -> Vec<NearestFeature> {
+        let mut out = vec![NearestFeature::default(); places.len()];
+        Arch::new().dispatch(CellularKernel { noise: self, places, out: &mut out });
+        out
+    }
+
+    /// The nearest feature points to the first places of a batch, as many as `out` takes.
+    #[inline(always)]
+    fn batch(&self, x: &[f32; BATCH], y: &[f32; BATCH], out: &mut [NearestFeature]) {
+        let [nx, ny] = self.period;
+        // Feature points of the 3 x 3 cells around, relative to the corner of the cell, and their indices.
+        let mut points = [[[0.0; BATCH]; 2]; 9];
+        let mut indices = [[0; BATCH]; 9];
+        let (columns, rows) = (CellBatch::new(x, nx), CellBatch::new(y, ny));
+        for k in 0..BATCH {
+            let around = |cells: &CellBatch, n: usize| {
+                let [low, high] = [cells.low[k] as usize, cells.high[k] as usize];
+                [if low == 0 { n - 1 } else { low - 1 }, low, high]
+            };
+            let (columns, rows) = (around(&columns, nx), around(&rows, ny));
+            for (n, (point, index)) in points.iter_mut().zip(&mut indices).enumerate() {
+                let i = rows[n / 3] * nx + columns[n % 3];
+                (point[0][k], point[1][k]) = (self.points[i][0], self.points[i][1]);
+                index[k] = i;
             }
         }
-        NearestFeature { f1: first.sqrt(), f2: second.sqrt(), from: nearest.0, id: nearest.1 }
+        let (fx, fy) = (&columns.place, &rows.place);
+        // Selections instead of branches, which would be mispredicted: which point is nearest is random.
+        let (mut first, mut second) = ([f32::MAX; BATCH], [f32::MAX; BATCH]);
+        let (mut from, mut nearest) = ([[0.0; BATCH]; 2], [0_u32; BATCH]);
+        for (n, point) in points.iter().enumerate() {
+            for k in 0..BATCH {
+                let ox = point[0][k] + OFFSETS[n % 3] - fx[k];
+                let oy = point[1][k] + OFFSETS[n / 3] - fy[k];
+                let d = ox * ox + oy * oy;
+                let closer = d < first[k];
+                second[k] = if closer { first[k] } else { second[k].min(d) };
+                first[k] = if closer { d } else { first[k] };
+                from[0][k] = if closer { -ox } else { from[0][k] };
+                from[1][k] = if closer { -oy } else { from[1][k] };
+                nearest[k] = if closer { NUMBERS[n] } else { nearest[k] };
+            }
+        }
+        for (k, out) in out.iter_mut().enumerate().take(BATCH) {
+            let id = self.ids[indices[nearest[k] as usize][k]];
+            *out = NearestFeature { f1: first[k].sqrt(), f2: second[k].sqrt(), from: [from[0][k], from[1][k]], id };
+        }
+    }
+}
+
+/// Numbers of the 3 x 3 cells.
+const NUMBERS: [u32; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+/// Offsets of the cells around a cell, along one axis.
+const OFFSETS: [f32; 3] = [-1.0, 0.0, 1.0];
+
+/// Computes [`CellularNoise::at_places`] batch by batch.
+struct CellularKernel<'a> {
+    noise: &'a CellularNoise,
+    places: &'a [[f32; 2]],
+    out: &'a mut [NearestFeature],
+}
+
+impl WithSimd for CellularKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (places, out) in self.places.chunks(BATCH).zip(self.out.chunks_mut(BATCH)) {
+            let [x, y] = columns_of(places);
+            self.noise.batch(&x, &y, out);
+        }
     }
 }
 
@@ -211,8 +384,9 @@ mod tests {
         for i in 0..200 {
             let (x, y) = (i as f32 * 0.0137 - 0.4, i as f32 * 0.0071 - 0.2);
             let want = noise::fractal2(7, [x * 6.0, y * 3.0], [6, 3], 3);
-            assert!((fractal.at(x, y) - want).abs() < 1e-4);
-            let (near, c) = (cells.at(x, y), noise::cellular2(9, [x * 5.0, y * 4.0], [5, 4], 0.9));
+            assert!((fractal.at_places(&[[x, y]])[0] - want).abs() < 1e-4);
+            let near = cells.at_places(&[[x, y]])[0];
+            let c = noise::cellular2(9, [x * 5.0, y * 4.0], [5, 4], 0.9);
             assert!((near.f1 - c.f1).abs() < 1e-4 && (near.f2 - c.f2).abs() < 1e-4 && near.id == c.id);
         }
     }
@@ -225,8 +399,8 @@ mod tests {
             for step in [0.0004_f32, 0.013, 0.31] {
                 let xs: Vec<f32> = (0..400_u16).map(|i| f32::from(i) * step - 1.3).collect();
                 for y in [-0.7, 0.0, 0.31, 2.2] {
-                    for (x, got) in xs.iter().zip(fractal.row(&xs, y)) {
-                        let want = fractal.at(*x, y);
+                    let places: Vec<[f32; 2]> = xs.iter().map(|x| [*x, y]).collect();
+                    for ((x, got), want) in xs.iter().zip(fractal.row(&xs, y)).zip(fractal.at_places(&places)) {
                         assert!((got - want).abs() < 1e-4, "{cells:?} at {x}, {y}: {got}, not {want}");
                     }
                 }

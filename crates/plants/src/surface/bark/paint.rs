@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::marks::MarkPattern;
+use super::marks::{Mark, MarkPattern};
 use super::relief::{Relief, ReliefPattern};
 use super::{BarkGrain, BarkMarks, BarkRelief, BarkSpec};
 use crate::surface::material::square_map;
@@ -119,11 +119,16 @@ fn sample_row(spec: &BarkSpec, t: &BarkNoise, grain: Option<&BarkGrain>, row: us
     let y = 1.0 - (row as f32 + 0.5) / spec.side as f32;
     let [a, b] = [&t.warp[0], &t.warp[1]].map(|noise| noise.row(&xs, y));
     let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.row(&xs, y));
-    let relief = t.relief.row(&xs, y);
     let unwarped = |i: usize| BarkNoiseSample { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
+    let places: Vec<[f32; 2]> =
+        xs.iter().enumerate().map(|(i, x)| displaced(spec, [*x, y], unwarped(i).warp)).collect();
+    let displaced = DisplacedRow {
+        reliefs: t.relief.row(&xs, y, &places, spec.gap),
+        fibres: t.fibre.at_places(&places),
+        marks: t.marks.at_places(&places),
+    };
     let one = |(i, x): (usize, &f32)| {
-        let place = displaced(spec, [*x, y], unwarped(i).warp);
-        let base = sample(spec, t, relief.at(i, place, spec.gap), place, &unwarped(i));
+        let base = sample(spec, &displaced, i, &unwarped(i));
         let at = |g: &BarkGrain| g.at(GRAIN_REPEATS * x + 0.05 * unwarped(i).warp[0], y + 0.12 * unwarped(i).warp[1]);
         match grain {
             Some(g) => base.with_grain(at(g)),
@@ -131,6 +136,13 @@ fn sample_row(spec: &BarkSpec, t: &BarkNoise, grain: Option<&BarkGrain>, row: us
         }
     };
     xs.iter().enumerate().map(one).collect()
+}
+
+/// What is looked up for a row of texels at their displaced places.
+struct DisplacedRow {
+    reliefs: Vec<Relief>,
+    fibres: Vec<f32>,
+    marks: Vec<Mark>,
 }
 
 /// Values of the noises that are evaluated at the texel itself, without the warp.
@@ -146,10 +158,9 @@ fn displaced(spec: &BarkSpec, [x, y]: [f32; 2], warp: [f32; 2]) -> [f32; 2] {
     [x + spec.warp[0] * warp[0], y + spec.warp[1] * warp[1]]
 }
 
-/// Height, tint, patch and mark of a texel. `place`: where the noises are looked up.
-fn sample(spec: &BarkSpec, t: &BarkNoise, relief: Relief, [x, y]: [f32; 2], unwarped: &BarkNoiseSample) -> BarkTexel {
-    let Relief { ground, scale } = relief;
-    let fibre = t.fibre.at(x, y);
+/// Height, tint, patch and mark of texel `i` of a row.
+fn sample(spec: &BarkSpec, row: &DisplacedRow, i: usize, unwarped: &BarkNoiseSample) -> BarkTexel {
+    let (Relief { ground, scale }, fibre, mark) = (row.reliefs[i], row.fibres[i], row.marks[i]);
     let coarse = unwarped.coarse;
     let [k1, k2, k3] = spec.weights;
     // Weighted sum; the power 0.6 flattens the tops of the plates.
@@ -159,7 +170,6 @@ fn sample(spec: &BarkSpec, t: &BarkNoise, relief: Relief, [x, y]: [f32; 2], unwa
     let height = height + SCALE_RELIEF * scale * ground;
     // Without plates there is nothing to crack.
     let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * ground, (k1 * 4.0).min(1.0)) } else { 1.0 };
-    let mark = t.marks.at(x, y);
     // Cracks across go through ridges and end at furrows.
     let cut = if spec.marks == BarkMarks::Cracks && spec.relief == BarkRelief::Ridges { ground } else { 1.0 };
     // Lichen and weathering where a coarse noise exceeds a threshold.
@@ -223,11 +233,16 @@ mod tests {
 
     /// A sample anywhere, all noises point by point.
     fn point(spec: &BarkSpec, t: &BarkNoise, x: f32, y: f32) -> BarkTexel {
-        let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.at(x, y));
-        let warp = [t.warp[0].at(x, y), t.warp[1].at(x, y)];
-        let place = displaced(spec, [x, y], warp);
-        let relief = t.relief.row(&[x], y).at(0, place, spec.gap);
-        sample(spec, t, relief, place, &BarkNoiseSample { warp, coarse, tint, patch })
+        let at = |noise: &FractalNoise| noise.at_places(&[[x, y]])[0];
+        let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(at);
+        let warp = [at(&t.warp[0]), at(&t.warp[1])];
+        let place = [displaced(spec, [x, y], warp)];
+        let row = DisplacedRow {
+            reliefs: t.relief.row(&[x], y, &place, spec.gap),
+            fibres: t.fibre.at_places(&place),
+            marks: t.marks.at_places(&place),
+        };
+        sample(spec, &row, 0, &BarkNoiseSample { warp, coarse, tint, patch })
     }
 
     #[test]

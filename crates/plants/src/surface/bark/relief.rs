@@ -2,7 +2,7 @@
 
 use super::marks::unit_hash;
 use super::{BarkRelief, BarkSpec};
-use crate::surface::periodic_noise::{CellularNoise, FractalNoise};
+use crate::surface::periodic_noise::{CellularNoise, FractalNoise, NearestFeature};
 use osier_base::math::smoothstep;
 
 /// Value of the waves, which are about 1 at the crest of a ridge, below which there is a furrow. With a higher value
@@ -44,28 +44,16 @@ impl ReliefPattern {
         }
     }
 
-    /// Data shared by the texels of a row: the waves of ridges at the columns `xs`, which ascend, and the height `y`.
-    pub fn row(&self, xs: &[f32], y: f32) -> ReliefRow<'_> {
-        let waves = match self {
-            Self::Plates(_) => Vec::new(),
-            Self::Ridges(ridges) => ridges.waves(xs, y),
-        };
-        ReliefRow { pattern: self, waves }
-    }
-}
-
-/// A row of texels of a relief.
-pub(super) struct ReliefRow<'a> {
-    pattern: &'a ReliefPattern,
-    waves: Vec<[RidgeWave; 2]>,
-}
-
-impl ReliefRow<'_> {
-    /// The relief of column `i` at the displaced place `at` of the unit square. `gap`: width of the cracks' shoulders.
-    pub fn at(&self, i: usize, at: [f32; 2], gap: f32) -> Relief {
-        match self.pattern {
-            ReliefPattern::Plates(plates) => plates.at(at, gap),
-            ReliefPattern::Ridges(ridges) => Relief { ground: ridges.at(&self.waves[i], at, gap), scale: 0.0 },
+    /// The reliefs of a row of texels. `xs`: their columns, which ascend, at the height `y`; `places`: where each is displaced to
+    /// on the unit square; `gap`: width of the cracks' shoulders.
+    pub fn row(&self, xs: &[f32], y: f32, places: &[[f32; 2]], gap: f32) -> Vec<Relief> {
+        match self {
+            Self::Plates(plates) => plates.at_places(places, gap),
+            Self::Ridges(ridges) => {
+                let waves = ridges.waves(xs, y);
+                let relief = |(at, waves)| Relief { ground: ridges.at(waves, at, gap), scale: 0.0 };
+                places.iter().copied().zip(&waves).map(relief).collect()
+            }
         }
     }
 }
@@ -90,14 +78,19 @@ impl PlatePattern {
         }
     }
 
-    fn at(&self, [x, y]: [f32; 2], gap: f32) -> Relief {
+    fn at_places(&self, places: &[[f32; 2]], gap: f32) -> Vec<Relief> {
+        let scales = self.scales.as_ref().map(|scales| scales.each_ref().map(|noise| noise.at_places(places)));
+        let scale = |i: usize| match &scales {
+            Some(scales) => {
+                let heights = scales.each_ref().map(|nearest| unit_hash(nearest[i].id, 8) - 0.5);
+                SCALE_WEIGHTS[0] * heights[0] + SCALE_WEIGHTS[1] * heights[1]
+            }
+            None => 0.0,
+        };
         // f2 - f1 of cellular noise is 0 on the cell borders.
-        let near = self.cells.at(x, y);
-        let scale = self.scales.as_ref().map_or(0.0, |scales| {
-            let heights = scales.each_ref().map(|noise| unit_hash(noise.at(x, y).id, 8) - 0.5);
-            SCALE_WEIGHTS[0] * heights[0] + SCALE_WEIGHTS[1] * heights[1]
-        });
-        Relief { ground: smoothstep(0.02, 0.02 + gap, near.f2 - near.f1), scale }
+        let ground = |nearest: &NearestFeature| smoothstep(0.02, 0.02 + gap, nearest.f2 - nearest.f1);
+        let nearest = self.cells.at_places(places);
+        nearest.iter().enumerate().map(|(i, nearest)| Relief { ground: ground(nearest), scale: scale(i) }).collect()
     }
 }
 
@@ -170,8 +163,8 @@ mod tests {
         let pattern = ReliefPattern::new(spec, spec.seed);
         let xs = pixel_centres(SIDE);
         let row = |y: &f32| {
-            let row = pattern.row(&xs, *y);
-            xs.iter().enumerate().map(|(i, x)| row.at(i, [*x, *y], spec.gap).ground).collect()
+            let places: Vec<[f32; 2]> = xs.iter().map(|x| [*x, *y]).collect();
+            pattern.row(&xs, *y, &places, spec.gap).iter().map(|relief| relief.ground).collect()
         };
         xs.iter().map(row).collect()
     }
@@ -210,14 +203,14 @@ mod tests {
     fn scales_are_steps_within_plates() {
         let spec = BarkSpec::plated();
         let pattern = ReliefPattern::new(&spec, 7);
-        let row = pattern.row(&[0.0], 0.0);
-        let places = (0..4000_u16).map(|i| f32::from(i) / 4000.0);
-        let reliefs: Vec<Relief> = places.map(|x| row.at(0, [x, 0.37], spec.gap)).collect();
+        let xs: Vec<f32> = (0..4000_u16).map(|i| f32::from(i) / 4000.0).collect();
+        let places: Vec<[f32; 2]> = xs.iter().map(|x| [*x, 0.37]).collect();
+        let reliefs = pattern.row(&xs, 0.37, &places, spec.gap);
         let steps = reliefs.windows(2).filter(|pair| (pair[0].scale - pair[1].scale).abs() > 1e-6).count();
         // At least as many steps along a line as large scales.
         assert!((17..120).contains(&steps), "{steps}");
         assert!(reliefs.iter().all(|r| r.scale.abs() <= 0.5));
         let even = ReliefPattern::new(&BarkSpec { scales: 0.0, ..spec }, 7);
-        assert!(even.row(&[0.0], 0.0).at(0, [0.3, 0.4], 0.2).scale.abs() < f32::EPSILON);
+        assert!(even.row(&[0.3], 0.4, &[[0.3, 0.4]], 0.2)[0].scale.abs() < f32::EPSILON);
     }
 }

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::BladeSpec;
 use super::outline::{BladeHalf, BladeOutline, Vein};
-use crate::surface::periodic_noise::{CellularNoise, FractalNoise};
+use crate::surface::periodic_noise::{CellularNoise, FractalNoise, NearestFeature};
 use crate::surface::pixels::MaterialTexel;
 use crate::surface::{SurfaceMaterial, pixels};
 use osier_base::math;
@@ -280,6 +280,14 @@ impl LeafNoise {
     }
 }
 
+/// Values of the noises of a blade at a texel.
+struct LeafNoiseSample {
+    patch: f32,
+    grain: f32,
+    net: NearestFeature,
+    spot: NearestFeature,
+}
+
 /// Inputs from which the texels of a leaf's maps are computed, shared by all rows.
 struct LeafPainter<'a> {
     spec: &'a BladeSpec,
@@ -296,14 +304,17 @@ impl LeafPainter<'_> {
         let v = places.first().map_or(0.0, |q| q.y);
         // Noises are evaluated row by row, which is several times faster than point by point.
         let (patch, grain) = (self.noise.patch.row(&xs, v), self.noise.grain.row(&xs, v));
-        (0..self.grid.side).map(|x| self.texel(places[x], patch[x], grain[x], y * self.grid.side + x)).collect()
+        let places: Vec<[f32; 2]> = places.iter().map(|q| [q.x, q.y]).collect();
+        let (net, spots) = (self.noise.net.at_places(&places), self.noise.spots.at_places(&places));
+        let sample = |x: usize| LeafNoiseSample { patch: patch[x], grain: grain[x], net: net[x], spot: spots[x] };
+        (0..self.grid.side).map(|x| self.texel(&sample(x), y * self.grid.side + x)).collect()
     }
 
-    /// The texel with index `i`, at `q` in lengths of the blade; `patch`, `grain`: values of these noises there.
-    fn texel(&self, q: Vec2, patch: f32, grain: f32, i: usize) -> MaterialTexel {
+    /// The texel with index `i`, from the noises at its place.
+    fn texel(&self, noise: &LeafNoiseSample, i: usize) -> MaterialTexel {
+        let LeafNoiseSample { patch, grain, net, spot } = *noise;
         let (colors, l) = (self.colors, self.spec.length);
         // Masks, 1 on the feature: the network of cells, branches, midrib and side veins, fine veins, margin.
-        let net = self.noise.net.at(q.x, q.y);
         let mesh = 1.0 - math::smoothstep(0.0, 0.16, net.f2 - net.f1);
         let (main, fine, margin) = (self.distances.main[i], self.distances.fine[i], self.distances.margin[i]);
         let branch = 1.0 - math::smoothstep(-0.0006 * l, 0.0012 * l, self.distances.branch[i]);
@@ -320,7 +331,6 @@ impl LeafPainter<'_> {
         color = color.lerp(vein_color, 0.10 * mesh + 0.20 * bridge * (1.0 - 0.5 * mesh));
         color = color.lerp(edge_color, 0.40 * edge * edge);
         // Blemishes: brown spots in one of 23 cells of the spot noise.
-        let spot = self.noise.spots.at(q.x, q.y);
         if spot.id.is_multiple_of(23) {
             color = color.lerp(edge_color * 0.7, 0.75 * (1.0 - math::smoothstep(0.05, 0.13, spot.f1)));
         }
