@@ -487,6 +487,7 @@ fn hostile_grammars_are_refused_with_their_line_in_little_memory() {
 /// What a dry run tells of memory is what the run takes, to a quarter.
 #[cfg(target_os = "linux")]
 #[test]
+#[ignore = "takes half a minute; tests/full.sh runs it"]
 fn the_memory_that_is_told_is_the_memory_that_is_taken() {
     if cfg!(debug_assertions) {
         println!("left out: factors are those of the optimised program");
@@ -531,6 +532,7 @@ fn bytes_in(folder: &Path) -> f64 {
 /// What a dry run tells of the files of rain, which come from drops that fall, gather and run: within a factor of 1.9. It counts as many
 /// drops as a frame may show, and few lie on the leaves yet in the first frames of a storm.
 #[test]
+#[ignore = "takes half a minute; tests/full.sh runs it"]
 fn the_size_of_rain_that_is_told_is_about_what_is_written() {
     let dir = folder();
     for (name, args) in [

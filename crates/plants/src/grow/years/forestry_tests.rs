@@ -7,6 +7,7 @@ use std::sync::LazyLock;
 use glam::Vec3;
 
 use super::golden_tests::Drawing;
+use super::rule_tests::fork_exponents;
 use super::season::Season;
 use super::tree::flag;
 use super::{GrownTree, Keep, Measures, PlantOptions, Prune, Site, TreeSpec, grow, grow_through};
@@ -36,6 +37,8 @@ pub(super) struct MatureTree {
     /// Numbers of axes of each order after Strahler, from the twigs on.
     pub strahler_counts: Vec<usize>,
     pub shell_share: f32,
+    /// [`fork_exponents`] of seed 1; empty for seed 2.
+    pub fork_exponents: Vec<f64>,
     pub drawing: Drawing,
 }
 
@@ -43,14 +46,15 @@ pub(super) struct MatureTree {
 pub(super) static MATURE: LazyLock<BTreeMap<String, Vec<MatureTree>>> = LazyLock::new(|| {
     let measured = |name: &String| {
         let trees = grow_all(&seeds(name, species(name, 1).age, 1..=2), &Site::default());
-        let measure = |tree: &GrownTree| MatureTree {
+        let measure = |(i, tree): (usize, &GrownTree)| MatureTree {
             measures: tree.measures(),
             bare_wood: bare_wood(tree),
             strahler_counts: tree.strahler_counts(),
             shell_share: shell_share(tree),
+            fork_exponents: if i == 0 { fork_exponents(tree) } else { Vec::new() },
             drawing: Drawing::new(tree),
         };
-        (name.clone(), trees.iter().map(measure).collect())
+        (name.clone(), trees.iter().enumerate().map(measure).collect())
     };
     par_map(&names(), measured).into_iter().collect()
 });

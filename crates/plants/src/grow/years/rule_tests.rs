@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
-use super::forestry_tests::{grow_all, mean, names, only_in_release, seeds, shell_share, species};
+use super::forestry_tests::{grow_all, mature, mean, names, only_in_release, seeds, shell_share, species};
 use super::stand::Stand;
 use super::tree::NONE;
 use super::{GrownTree, Habit, ORDERS, Site, TreeSpec, plant_seed};
@@ -136,7 +136,7 @@ fn oaks_without_a_limit_are_full_or_endless() {
 }
 
 /// Exponents n with r^n = sum of r^n of the branches, rising, at all forks of a tree whose branches are thicker than 5 mm.
-fn fork_exponents(tree: &GrownTree) -> Vec<f64> {
+pub(super) fn fork_exponents(tree: &GrownTree) -> Vec<f64> {
     const LEAST_RADIUS: f32 = 0.005;
     let nodes = &tree.tree.nodes;
     let mut branches = vec![Vec::new(); nodes.len()];
@@ -172,8 +172,7 @@ fn forks_have_the_exponent_of_their_table() {
         if !(1.8..=most).contains(&exponent) {
             faults.push(format!("{name}: pipe_exponent {exponent}"));
         }
-        let tree = &grow_all(&[spec], &Site::default())[0];
-        let found = fork_exponents(tree);
+        let found = &mature(&name)[0].fork_exponents;
         let part = |share: usize| found.get(found.len() * share / 100).copied().unwrap_or(exponent);
         let bounds = [part(10), part(90)];
         // The bole of a pine keeps many pipes of its dead limbs: a tenth of its forks have exponents that are lower by 0.063.
