@@ -3,7 +3,8 @@
 //! Elements get joints: four on a trunk, two on main branches, one on others. A joint has the rotation at the middle
 //! of its stretch; branches beyond the budget move rigidly with the nearest joint of their carrier. Branches get joints by
 //! size: either all branches of one order and class of length, or none. If the lengths form no classes, the bend fades out
-//! towards the length below which branches have no joints, so that branches of one size move alike.
+//! towards the length below which branches have no joints, so that branches of one size move alike. Where few branches are much
+//! longer than the others of their order, what they leave of the budget goes to the branches on them.
 
 use glam::Quat;
 
@@ -64,7 +65,8 @@ struct JointTask {
 }
 
 impl JointRig {
-    /// Builds the skeleton: branches get joints by order and length until the budget is exhausted.
+    /// Builds the skeleton: branches get joints by order and length until the budget is exhausted, those on branches without
+    /// joints none.
     pub fn build(plant: &Plant, elements: &BeamElements, budget: JointBudget) -> Self {
         let JointShares { counts, shares } = JointShares::new(plant, elements, budget);
         let still = ElementLocation { element: NONE, at: 0.0 };
@@ -267,64 +269,73 @@ impl JointShares {
         // The elements of one axis follow each other in the ranking.
         let boughs: Vec<Bough<'_>> = elements.ranked.chunk_by(|a, b| of_axis(a) == of_axis(b)).map(bough).collect();
         let joints = |bough: &Bough<'_>, k: usize| joints_per_order(bough.order, budget.coarse || k > 0);
-        // Take as many boughs as the budget holds in the order of size; a carrier comes before the boughs on it.
-        let mut left = budget.joints.clamp(1, 65_535) - 1;
-        let mut fitting = 0;
-        for bough in &boughs {
-            let wanted: usize = (0..bough.elements.len()).map(|k| joints(bough, k)).sum();
-            if wanted > left {
-                break;
-            }
-            left -= wanted;
-            fitting += 1;
-        }
-        let SizeCut { count, fade } = SizeCut::new(&boughs, fitting);
+        let budgeted = budget.joints.clamp(1, 65_535) - 1;
+        let mut left = budgeted;
         let mut all = Self { counts: vec![0; elements.list.len()], shares: vec![1.0; elements.bend_count()] };
-        for bough in &boughs[..count] {
-            let share = match &fade {
-                Some((order, from, to)) if *order == bough.order => math::smoothstep(*from, *to, bough.length),
-                _ => 1.0,
+        // Order by order, take as many boughs as the budget holds in the order of size. A bough on a carrier without joints is
+        // rigid with it.
+        for of_order in boughs.chunk_by(|a, b| a.order == b.order) {
+            let has_carrier = |bough: &&Bough<'_>| {
+                let parent = elements.list[bough.elements[0] as usize].parent;
+                all.counts.get(parent as usize).is_none_or(|count| *count > 0)
             };
-            for (k, e) in bough.elements.iter().enumerate() {
-                let element = &elements.list[*e as usize];
-                all.counts[*e as usize] = joints(bough, k);
-                for bend in [Some(*e as usize), element.second_mode].into_iter().flatten() {
-                    all.shares[bend] = share;
+            let carried: Vec<&Bough<'_>> = of_order.iter().filter(has_carrier).collect();
+            let wanted = |bough: &Bough<'_>| (0..bough.elements.len()).map(|k| joints(bough, k)).sum::<usize>();
+            let mut rest = left;
+            let fits = |bough: &&&Bough<'_>| match rest.checked_sub(wanted(bough)) {
+                Some(less) => {
+                    rest = less;
+                    true
                 }
+                None => false,
+            };
+            let fitting = carried.iter().take_while(fits).count();
+            let SizeCut { count, fade } = SizeCut::new(&carried, fitting);
+            for bough in &carried[..count] {
+                let share = fade.map_or(1.0, |[from, to]| math::smoothstep(from, to, bough.length));
+                for (k, e) in bough.elements.iter().enumerate() {
+                    let element = &elements.list[*e as usize];
+                    all.counts[*e as usize] = joints(bough, k);
+                    for bend in [Some(*e as usize), element.second_mode].into_iter().flatten() {
+                        all.shares[bend] = share;
+                    }
+                }
+                left -= wanted(bough);
+            }
+            // Where the boughs of an order are of two classes and the longer class is small, the next order uses what it leaves.
+            let is_cut = count < carried.len();
+            let leaves_most = fade.is_none() && count > 0 && left > budgeted / 2;
+            if is_cut && !leaves_most {
+                break;
             }
         }
         all
     }
 }
 
-/// Boundary between branches with and without joints, among branches sorted by order and falling length.
+/// Boundary between branches with and without joints, among branches of one order, sorted by falling length.
 struct SizeCut {
     /// Number of branches with joints.
     count: usize,
-    /// Branching order whose bends fade out, with the lengths, m, up to which bends are 0 and from which they are complete.
-    fade: Option<(u8, f32, f32)>,
+    /// Lengths, m, up to which the bends of branches are 0 and from which they are complete; `None`: all are complete.
+    fade: Option<[f32; 2]>,
 }
 
 impl SizeCut {
     /// `fitting`: number of branches that the budget holds.
-    fn new(boughs: &[Bough<'_>], fitting: usize) -> Self {
+    fn new(boughs: &[&Bough<'_>], fitting: usize) -> Self {
         let clean = |count| Self { count, fade: None };
-        let Some(next) = boughs.get(fitting) else { return clean(fitting) };
-        // All orders but the last are included as a whole.
-        let first = boughs.partition_point(|b| b.order < next.order);
-        if fitting <= first {
-            return clean(fitting);
-        }
-        // A wide gap between two lengths divides the last order into classes; the shorter class gets no joints.
+        let Some(next) = boughs.get(fitting).filter(|_| fitting > 0) else { return clean(fitting) };
+        // A wide gap between two lengths divides the order into classes; the shorter class gets no joints.
         let gap = |k: usize| boughs[k - 1].length / boughs[k].length.max(1e-9);
-        let widest = (first + 1..=fitting).max_by(|a, b| gap(*a).total_cmp(&gap(*b)));
+        let widest = (1..=fitting).max_by(|a, b| gap(*a).total_cmp(&gap(*b)));
         if let Some(k) = widest.filter(|k| gap(*k) >= CLASS_GAP) {
             return clean(k);
         }
         // Without classes the bend grows from 0 at the length of the longest branch without joints.
-        let (from, longest) = (next.length, boughs[first].length);
+        let (from, longest) = (next.length, boughs[0].length);
         let to = (from * JOINT_FADE).min(longest);
-        if to <= from * 1.001 { clean(fitting) } else { Self { count: fitting, fade: Some((next.order, from, to)) } }
+        if to <= from * 1.001 { clean(fitting) } else { Self { count: fitting, fade: Some([from, to]) } }
     }
 }
 
@@ -436,6 +447,23 @@ mod tests {
         };
         assert_eq!((with(true), with(false)), (20, 0));
         assert!(rig.shares.iter().all(|s| *s >= 1.0));
+    }
+
+    #[test]
+    fn joints_that_a_small_class_of_branches_leaves_go_to_the_branches_on_them() {
+        // Three limbs, 100 twigs on the trunk and 20 branches on each limb: the limbs need 10 joints of 127.
+        let mut plant = comb((0..103_u8).map(|i| if i < 3 { 3.0 } else { 0.4 } - 0.001 * f32::from(i)));
+        let bases: Vec<glam::Vec3> = (1..4).map(|a| plant.nodes.p[plant.nodes_of(&plant.axes[a]).start]).collect();
+        for (limb, base) in bases.into_iter().enumerate() {
+            for i in 0..20_u8 {
+                let s = 0.5 + 0.1 * f32::from(i);
+                let along = base + glam::Vec3::X * s;
+                axis(&mut plant, (limb as u32 + 1, s), (along, along + glam::Vec3::Y * 0.8), (0.006, 0.004));
+            }
+        }
+        let (_, rig) = rig(&plant, 128);
+        let with = |axes: std::ops::Range<usize>| axes.filter(|a| !rig.chains[*a].is_empty()).count();
+        assert_eq!([with(1..4), with(4..104), with(104..164)], [3, 0, 60]);
     }
 
     #[test]
