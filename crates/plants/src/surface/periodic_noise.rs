@@ -116,18 +116,19 @@ impl CellBatch {
         let mut out = Self { low: [0; BATCH], high: [0; BATCH], place: [0.0; BATCH] };
         // One period beyond 0..n is reached by an addition, which vectorizes.
         let mut within = true;
-        for k in 0..BATCH {
-            let (column, place) = split(x[k] * cells);
+        for ((low, place), x) in out.low.iter_mut().zip(&mut out.place).zip(x) {
+            let column;
+            (column, *place) = split(x * cells);
             let near = if column < 0 { column.wrapping_add(n) } else { column };
             let near = if near >= n { near - n } else { near };
             within &= near >= 0 && near < n;
-            (out.low[k], out.place[k]) = (near, place);
+            *low = near;
         }
         if !within {
             out.low = out.low.map(|column| column.rem_euclid(n));
         }
-        for k in 0..BATCH {
-            out.high[k] = if out.low[k] + 1 == n { 0 } else { out.low[k] + 1 };
+        for (high, low) in out.high.iter_mut().zip(&out.low) {
+            *high = if low + 1 == n { 0 } else { low + 1 };
         }
         out
     }
