@@ -1,5 +1,10 @@
 //! Scenes of all presets, baked short, as Blender and the validators of glTF and USD read them.
-#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test may fail and reads what it likes")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "a test may fail, reads what it likes and prints counts"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
