@@ -61,6 +61,7 @@ impl MarkPattern {
         match self.kind {
             BarkMarks::None => vec![Mark::default(); places.len()],
             BarkMarks::Cracks => {
+                // The noise bends the borders of the cells, along which cracks lie: a different part of it in each direction.
                 let wobble = self.rough.at_places(places);
                 let swapped: Vec<[f32; 2]> = places.iter().map(|[x, y]| [*y, *x]).collect();
                 let across = self.rough.at_places(&swapped);
@@ -81,6 +82,7 @@ impl MarkPattern {
             }
             BarkMarks::Scars => {
                 let (wobble, small) = (self.rough.at_places(places), self.small.at_places(places));
+                // The same noise with half the wavelength.
                 let doubled: Vec<[f32; 2]> = places.iter().map(|place| place.map(|v| 2.0 * v)).collect();
                 let (fine, large) = (self.rough.at_places(&doubled), self.large.at_places(places));
                 let rough = wobble.iter().zip(&fine);
